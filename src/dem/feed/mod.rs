@@ -1,0 +1,123 @@
+//! Feeds: what brings particles into a scene.
+
+use crate::geometry::part::TriangleMesh;
+use crate::math::Vec3;
+use crate::particle::ParticleState;
+use serde::Serialize;
+
+/// A feed of the scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Feed {
+    /// Name in the scene.
+    pub name: String,
+    /// What it does.
+    pub kind: FeedKind,
+}
+
+/// Kinds of feeds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub enum FeedKind {
+    /// Random fill of a region without overlaps; repeated while the region empties, until the amount is reached.
+    Fill {
+        /// Index into the scene's particle classes.
+        class: usize,
+        /// Where.
+        region: Region,
+        /// How much in all.
+        amount: Amount,
+        /// Velocity at insertion [m/s].
+        velocity: Vec3,
+        /// Plant time of the first insertion [s].
+        start: f64,
+        /// Time between two insertions into the region [s]; infinite for one only.
+        interval: f64,
+        /// Plant time after which it gives up [s].
+        until: f64,
+    },
+    /// A stream through a face.
+    Stream {
+        /// Index into the scene's particle classes.
+        class: usize,
+        /// The face through which the particles come.
+        face: Face,
+        /// How much a second.
+        rate: Rate,
+        /// How much in all; `None` for no limit.
+        amount: Option<Amount>,
+        /// Velocity at insertion [m/s].
+        velocity: Vec3,
+        /// Plant time of the first insertion [s].
+        start: f64,
+        /// Plant time of the last insertion [s].
+        until: f64,
+    },
+    /// Particles from an initial-state file, all at time 0.
+    File {
+        /// The particles, validated; ids set.
+        particles: Vec<ParticleState>,
+    },
+}
+
+/// An amount of particles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub enum Amount {
+    /// By number.
+    Count(u64),
+    /// By mass [kg].
+    Mass(f64),
+}
+
+/// An amount of particles in a second.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub enum Rate {
+    /// By number [1/s].
+    Count(f64),
+    /// By mass [kg/s].
+    Mass(f64),
+}
+
+/// A region to fill; spheres lie inside it as a whole.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub enum Region {
+    /// Axis-aligned box.
+    Box {
+        /// Lower corner [m].
+        minimum: Vec3,
+        /// Upper corner [m].
+        maximum: Vec3,
+    },
+    /// Cylinder.
+    Cylinder {
+        /// First end of the axis [m].
+        start: Vec3,
+        /// Second end of the axis [m].
+        end: Vec3,
+        /// Radius [m].
+        radius: f64,
+    },
+    /// The inside of a closed surface.
+    Inside(TriangleMesh),
+}
+
+/// A flat face through which a stream comes: particle centres lie in it at insertion.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub enum Face {
+    /// Disc.
+    Disc {
+        /// Centre [m].
+        centre: Vec3,
+        /// Unit normal [-].
+        normal: Vec3,
+        /// Radius [m]; spheres lie inside it as a whole.
+        radius: f64,
+    },
+    /// Parallelogram centre +- side_a / 2 +- side_b / 2.
+    Rectangle {
+        /// Centre [m].
+        centre: Vec3,
+        /// First edge [m].
+        side_a: Vec3,
+        /// Second edge [m].
+        side_b: Vec3,
+    },
+}

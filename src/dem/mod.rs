@@ -1,0 +1,4 @@
+//! The native DEM solver.
+
+pub mod feed;
+pub mod law;
