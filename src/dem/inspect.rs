@@ -43,7 +43,8 @@ impl Simulation {
     /// All particles at the present time, by ascending identity.
     #[must_use]
     pub fn particles(&self) -> Vec<ParticleState> {
-        let mut states: Vec<ParticleState> = (0..self.particles.len()).map(|index| self.particles.state(index)).collect();
+        let mut states: Vec<ParticleState> =
+            (0..self.particles.len()).map(|index| self.particles.state(index)).collect();
         states.sort_by_key(|state| state.id);
         states
     }

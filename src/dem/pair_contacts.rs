@@ -49,7 +49,8 @@ impl ContactScene<'_> {
         let (a, b) = (&self.velocities[index], &self.velocities[partner]);
         let levers = [i.radius - 0.5 * overlap, j.radius - 0.5 * overlap];
         let (spin_a, spin_b) = (Vec3::from(a.angular), Vec3::from(b.angular));
-        let inverse = |velocity: &Velocity, radius: f64| velocity.inverse_mass / (self.inertia_factor * radius * radius);
+        let inverse =
+            |velocity: &Velocity, radius: f64| velocity.inverse_mass / (self.inertia_factor * radius * radius);
         let touch = Touch {
             normal,
             overlap,

@@ -157,10 +157,8 @@ impl Simulation {
             let own = loads[range.clone()].iter().zip(&spheres[range.clone()]);
             for ((velocity, old), (load, sphere)) in velocities.iter_mut().zip(accelerations).zip(own) {
                 let new = acceleration(load, velocity, sphere.radius, &gravity, body);
-                let linear = Vec3::from(velocity.linear)
-                    + (new.linear * 0.5 + old.linear * (0.5 - lead)) * dt;
-                let angular = Vec3::from(velocity.angular)
-                    + (new.angular * 0.5 + old.angular * (0.5 - lead)) * dt;
+                let linear = Vec3::from(velocity.linear) + (new.linear * 0.5 + old.linear * (0.5 - lead)) * dt;
+                let angular = Vec3::from(velocity.angular) + (new.angular * 0.5 + old.angular * (0.5 - lead)) * dt;
                 velocity.linear = linear.into();
                 velocity.angular = angular.into();
                 *old = new;

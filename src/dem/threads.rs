@@ -28,7 +28,7 @@ impl Threads {
     /// `work(0)`, `work(1)`, ... `work(count - 1)`, in the order of the numbers.
     pub fn map<R: Send>(&self, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
         match &self.pool {
-            Some(pool) if count > 1 => pool.install(|| (0..count).into_par_iter().with_max_len(1).map(work).collect()),
+            Some(pool) if count > 1 => pool.install(|| (0..count).into_par_iter().with_max_len(1).map(&work).collect()),
             _ => (0..count).map(work).collect(),
         }
     }
@@ -36,7 +36,7 @@ impl Threads {
     /// `work` on every item.
     pub fn for_each<T: Send>(&self, items: Vec<T>, work: impl Fn(T) + Sync) {
         match &self.pool {
-            Some(pool) if items.len() > 1 => pool.install(|| items.into_par_iter().with_max_len(1).for_each(work)),
+            Some(pool) if items.len() > 1 => pool.install(|| items.into_par_iter().with_max_len(1).for_each(&work)),
             _ => items.into_iter().for_each(work),
         }
     }

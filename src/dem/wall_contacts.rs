@@ -4,10 +4,10 @@ use super::contact::{Answer, Touch, answer};
 use super::energy::{DeepContact, Tally};
 use super::law::Compatibility;
 use super::neighbor::list::Memory;
+use super::pair_contacts;
 use super::pair_contacts::{ContactScene, SeenContact};
 use super::particles::{Load, Path};
 use super::wall::{Candidate, WallPoint, Walls};
-use super::pair_contacts;
 use crate::math::Vec3;
 
 /// What the particles do to a part.

@@ -38,11 +38,8 @@ pub fn rolling_torque(
     match settings.rolling {
         RollingLaw::None => Vec3::zeros(),
         RollingLaw::Cdt => {
-            let (force, length) = if ours {
-                (normal.total.max(0.0), spin.norm())
-            } else {
-                (normal.elastic, motion.relative_spin.norm())
-            };
+            let (force, length) =
+                if ours { (normal.total.max(0.0), spin.norm()) } else { (normal.elastic, motion.relative_spin.norm()) };
             if length == 0.0 {
                 return Vec3::zeros();
             }
@@ -57,9 +54,8 @@ pub fn rolling_torque(
             let (before, after) = if ours { (0.5 * timestep, 0.5 * timestep) } else { (timestep, 0.0) };
             let memory = if ours { *history - direction * history.dot(direction) } else { *history };
             let mut spring = memory + spin * (before * stiffness);
-            let limit = friction
-                * motion.effective_radius
-                * if ours { normal.total.max(0.0) } else { normal.total.abs() };
+            let limit =
+                friction * motion.effective_radius * if ours { normal.total.max(0.0) } else { normal.total.abs() };
             let square = spring.norm_squared();
             if square > limit * limit {
                 spring *= limit / square.sqrt();

@@ -72,7 +72,8 @@ pub fn tangential_force<const ENERGY: bool>(
         let spring = kept * spring_factor;
         // Exact work of a spring kept half a step ahead: see docs/theory/energy.md.
         result.slip = spring.dot(&slip) + 0.5 * stiffness * slip.dot(&(slip - slip_velocity * timestep));
-        result.dashpot = if ours || ratio == 1.0 { ratio * damping * slip_velocity.norm_squared() * timestep } else { 0.0 };
+        result.dashpot =
+            if ours || ratio == 1.0 { ratio * damping * slip_velocity.norm_squared() * timestep } else { 0.0 };
         let energy = 0.5 * spring.dot(&kept) * compliance;
         result.residual = energy * normal.stiffness_growth * timestep * if total { 1.0 } else { -1.0 };
     }

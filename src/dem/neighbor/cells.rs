@@ -47,8 +47,15 @@ impl CellGrid {
             edge *= 1.26;
         }
         let cell = std::array::from_fn(|axis| (size[axis] / counts[axis] as f64).max(f64::MIN_POSITIVE));
-        let mut grid =
-            Self { origin: bounds.minimum, cell, counts, periodic, start: Vec::new(), members: Vec::new(), largest_radius };
+        let mut grid = Self {
+            origin: bounds.minimum,
+            cell,
+            counts,
+            periodic,
+            start: Vec::new(),
+            members: Vec::new(),
+            largest_radius,
+        };
         grid.fill(spheres, members);
         grid
     }
