@@ -8,7 +8,7 @@ use crate::geometry::motion::{MotionKind, MotionTerm};
 use crate::geometry::part::{TriangleMesh, Trigger};
 use crate::math::{Rotation, vec3};
 use proptest::prelude::*;
-use rand::{RngExt as _, SeedableRng as _};
+use rand::SeedableRng as _;
 use std::f64::consts::{PI, TAU};
 
 const RADIUS: f64 = 0.05;
