@@ -73,7 +73,7 @@ fn a_plane_cut_into_many_triangles_is_one_plane() {
     let corner = |x: f64, y: f64| pose.apply(&vec3(x, y, 0.0));
     let one = vec![[corner(-1.0, -1.0), corner(4.0, -1.0), corner(-1.0, 4.0)]];
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-    let mut heights = vec![0.999_999 * RADIUS, 0.9 * RADIUS, 0.3 * RADIUS, RADIUS * (1.0 - 1e-9)];
+    let mut heights = [0.999_999 * RADIUS, 0.9 * RADIUS, 0.3 * RADIUS, RADIUS * (1.0 - 1e-9)];
     for triangles in [one, cut_square(10, 5, &pose), cut_square(100, 50, &pose)] {
         let mut above: Vec<Vec3> =
             (0..500).map(|_| corner(random.random_range(0.0..1.0), random.random_range(0.0..1.0))).collect();
