@@ -261,7 +261,7 @@ mod tests {
     fn lines_come_at_intervals_and_at_the_end() {
         let sink = Sink::default();
         let mut progress = Progress::as_lines(Box::new(sink.clone()), 0.0, 1.0);
-        for second in 0..35 {
+        for second in 0..35_u32 {
             let status = Status { time: f64::from(second) / 100.0, steps: 1, particles: 3 };
             progress.update_at(Duration::from_secs(second.into()), status);
         }

@@ -92,7 +92,7 @@ const CLOSING: &str = "</Collection>\n</VTKFile>\n";
 fn parse(text: &str) -> Result<Vec<Entry>, String> {
     let foreign = || "it is not a collection of this program; move it away to start a new one".to_owned();
     let body = text.strip_prefix(OPENING).and_then(|rest| rest.strip_suffix(CLOSING)).ok_or_else(foreign)?;
-    let line = r#"^<DataSet timestep="([^"]*)" group="" part="(\d+)" name="([^"]*)" file="([^"]*)"/>$"#;
+    let line = r#"^<DataSet timestep="([^"]*)" group="" part="([0-9]+)" name="([^"]*)" file="([^"]*)"/>$"#;
     let pattern = Regex::new(line).map_err(|error| error.to_string())?;
     body.lines()
         .enumerate()

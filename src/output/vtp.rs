@@ -425,7 +425,7 @@ mod tests {
         let start = bytes.windows(b"<AppendedData".len()).position(|window| window == b"<AppendedData").unwrap();
         let header = std::str::from_utf8(&bytes[..start]).unwrap();
         let base = start + bytes[start..].iter().position(|&byte| byte == b'_').unwrap() + 1;
-        let pattern = format!(r#"Name="{name}"[^>]*offset="(\d+)""#);
+        let pattern = format!(r#"Name="{name}"[^>]*offset="([0-9]+)""#);
         let offset: usize = Regex::new(&pattern).unwrap().captures(header).unwrap()[1].parse().unwrap();
         let at = base + offset;
         let length = u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
