@@ -219,13 +219,16 @@ pub(super) fn escape(text: &str) -> String {
     escaped
 }
 
+/// Writes the numbers of an array.
+type WriteNumbers<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
+
 /// A binary array of a known length, written when its turn comes.
 struct Array<'a> {
     name: &'a str,
     kind: &'static str,
     components: usize,
     bytes: u64,
-    write: Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>,
+    write: WriteNumbers<'a>,
 }
 
 impl<'a> Array<'a> {
