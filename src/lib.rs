@@ -5,6 +5,7 @@
 //! ground floor: [`dem`], [`geometry`], [`particle`], [`material`], [`math`].
 #![forbid(unsafe_op_in_unsafe_fn)]
 
+pub mod analysis;
 pub mod exit_code;
 
 pub mod output;
