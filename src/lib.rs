@@ -7,6 +7,7 @@
 
 pub mod exit_code;
 
+pub mod plan;
 pub mod scene;
 // --- physics ground floor: no upward imports ---
 pub mod dem;
