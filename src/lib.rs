@@ -7,12 +7,10 @@
 
 pub mod exit_code;
 
-
 pub mod analysis;
 pub mod backend;
 pub mod output;
 pub mod plan;
-pub mod report;
 pub mod scene;
 // --- physics ground floor: no upward imports ---
 pub mod dem;

@@ -55,7 +55,7 @@ pub fn decide(scene: &Scene, findings: &mut Vec<PlanFinding>) -> Vec<ModelDecisi
     models.extend(needs.walls());
     models.push(needs.periodic_borders());
     models.push(needs.plane_problem());
-    let blind = "losses are not booked: the budget is not written, and energy from nothing is not noticed";
+    let blind = "losses are not booked: the budget's columns stay empty";
     models.push(force(needs.energy_budget(), scene, blind));
     check_forced_names(scene, &models, findings);
     models

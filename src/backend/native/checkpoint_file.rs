@@ -48,7 +48,8 @@ impl CheckpointFile {
             return Ok(None);
         }
         let reader = ColumnReader::open(&self.path, KIND)?;
-        let refuse = |reason: String| BackendError::Checkpoint(format!("cannot resume from {}: {reason}", self.path.display()));
+        let refuse =
+            |reason: String| BackendError::Checkpoint(format!("cannot resume from {}: {reason}", self.path.display()));
         if reader.attribute_text("key")? != self.key {
             return Err(refuse("it belongs to another scene, time step or version; choose another --out".to_owned()));
         }

@@ -59,8 +59,7 @@ impl EndWatch {
         let condition = end.at_rest?;
         // Parts that wait for rest go first: a gate that has just opened must be given time to act.
         let waiting = simulation.awaits_rest();
-        let rests = !waiting
-            && self.rest.holds(&condition, step, timestep, fed, empty, || simulation.rms_speed());
+        let rests = !waiting && self.rest.holds(&condition, step, timestep, fed, empty, || simulation.rms_speed());
         if waiting {
             self.rest = RestWatch::new();
         }

@@ -2,7 +2,7 @@
 
 use crate::dem::inspect::{ContactRecord, Partner};
 use crate::dem::simulation::Simulation;
-use crate::geometry::frustum;
+use crate::geometry::frustum::Frustum;
 use crate::geometry::part::{Part, Surface, TriangleMesh};
 use crate::math::Vec3;
 use crate::output::lammps::{DumpWriter, FrameHeader};
@@ -14,6 +14,9 @@ use crate::scene::Scene;
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Generators that a cylinder or cone is drawn with.
+const SEGMENTS: u32 = 64;
 
 /// Writes frames at their interval, and the last one.
 #[derive(Debug)]
@@ -75,8 +78,7 @@ impl FrameOutput {
         let step = simulation.steps_done();
         let particles = simulation.particles();
         if let Some(dump) = &mut self.dump {
-            let header =
-                FrameHeader { step, time: None, bounds: scene.domain.bounds, periodic: scene.domain.periodic };
+            let header = FrameHeader { step, time: None, bounds: scene.domain.bounds, periodic: scene.domain.periodic };
             let forces: HashMap<ParticleId, Vec3> = simulation.contact_forces().collect();
             let forces: Vec<Vec3> = particles.iter().map(|particle| forces[&particle.id]).collect();
             dump.add_frame(&header, &particles, Some(&forces), &scene.body)?;
@@ -143,7 +145,7 @@ fn drawable(part: &Part) -> Option<TriangleMesh> {
     match &part.surface {
         Surface::Plane { .. } => None,
         Surface::Frustum { start, end, start_radius, end_radius } => {
-            Some(frustum::to_mesh(start, end, *start_radius, *end_radius))
+            Some(Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS))
         }
         Surface::Mesh(mesh) => Some(mesh.clone()),
     }
