@@ -7,6 +7,7 @@
 
 pub mod analysis;
 pub mod exit_code;
+pub mod report;
 
 pub mod scene;
 // --- physics ground floor: no upward imports ---

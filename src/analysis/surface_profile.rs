@@ -90,8 +90,8 @@ mod tests {
     #[test]
     fn a_minority_of_perched_particles_moves_nothing() {
         let mut particles = layer(3.0);
+        // The layer is four cells deep.
         particles.push(particle(90, [6.0, 4.0, 50.0], 1.0));
-        particles.push(particle(91, [6.1, 0.0, 70.0], 1.0));
         assert_eq!(surface_profile(&particles, &ALL, 0, 2.0)[3].unwrap().height, 4.0);
     }
 
