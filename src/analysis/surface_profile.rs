@@ -32,7 +32,7 @@ pub fn surface_profile(
     let inside: Vec<&ParticleState> = particles.iter().filter(|p| region.contains(&p.position)).collect();
     let mut extent = Bounds::EMPTY;
     inside.iter().for_each(|p| extent.include(&p.position));
-    if inside.is_empty() || !(width > 0.0) {
+    if inside.is_empty() || width.is_nan() || width <= 0.0 {
         return Vec::new();
     }
     let size = extent.size();
@@ -50,7 +50,7 @@ pub fn surface_profile(
             *highest = Some(top);
         }
     }
-    tops.chunks(cells).map(|bin| middle(bin)).collect()
+    tops.chunks(cells).map(middle).collect()
 }
 
 fn middle(bin: &[Option<SurfacePoint>]) -> Option<SurfacePoint> {

@@ -129,7 +129,7 @@ fn style() -> String {
          .o{fill:none;stroke:#3c434b;stroke-width:1.1;stroke-linecap:round;stroke-linejoin:round}\n\
          .s{fill:none;stroke:#fff;stroke-width:4.5;stroke-linecap:round}\
          .r{fill:none;stroke:#c01824;stroke-width:2;stroke-dasharray:9 5;stroke-linecap:round}\
-         .a{fill:none;stroke:#c01824;stroke-width:1.4}.w{fill:#c01824;font-weight:bold}\
+         .h{fill:none;stroke:#fff;stroke-width:4}.a{fill:none;stroke:#c01824;stroke-width:1.4}.w{fill:#c01824;font-weight:bold}\
          .m{fill:none;stroke:#222;stroke-width:2}.f{fill:none;stroke:#222;stroke-width:.8}\
          .p{stroke:#10151c;stroke-width:.35;stroke-opacity:.75}\n",
     );
@@ -334,14 +334,18 @@ fn draw_slope(document: &mut Document, slope: &SlopeLine, frame: &Frame) {
     let (run, rise) = (high[0] - low[0], low[1] - high[1]);
     let reach = 0.32 * run.hypot(rise);
     let side = if run >= 0.0 { 1.0 } else { -1.0 };
-    document.line("a", low, [low[0] + side * 1.15 * reach, low[1]]);
+    let level = [low, [low[0] + side * 1.15 * reach, low[1]]];
     let steps = 24;
     let steepness = rise.atan2(run.abs());
     let arc = (0..=steps).map(|k| {
         let angle = steepness * f64::from(k) / f64::from(steps);
         [low[0] + side * reach * angle.cos(), low[1] - reach * angle.sin()]
     });
-    document.path("a", arc, false);
+    // A white line under each keeps them readable on particles of any colour.
+    for class in ["h", "a"] {
+        document.path(class, level, false);
+        document.path(class, arc.clone(), false);
+    }
     let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
     let away = 16.0 / run.hypot(rise).max(1.0);
     let at = [middle[0] - side * away * rise, middle[1] - away * run.abs()];

@@ -173,7 +173,7 @@ mod tests {
         fn there_are_about_as_many_ticks_as_wanted(low in -1e6..1e6f64, span in 1e-3..1e6f64, wanted in 3usize..9) {
             let (ticks, _) = round_ticks(low, low + span, wanted);
             // Steps grow at most 2.5-fold from one to the next.
-            prop_assert!(ticks.len() <= wanted + 1 && ticks.len() + 1 >= wanted as usize * 2 / 5, "{ticks:?}");
+            prop_assert!(ticks.len() <= wanted + 1 && ticks.len() + 1 >= wanted * 2 / 5, "{ticks:?}");
             prop_assert!(ticks.iter().all(|t| *t >= low - 1e-6 * span && *t <= low + span * (1.0 + 1e-6)));
         }
     }
