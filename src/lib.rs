@@ -6,8 +6,6 @@
 #![forbid(unsafe_op_in_unsafe_fn)]
 
 pub mod exit_code;
-pub mod report;
-
 
 pub mod analysis;
 pub mod backend;
