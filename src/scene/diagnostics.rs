@@ -98,6 +98,7 @@ pub const ALL_IDS: &[&str] = &[
     "size-order",
     "stiffness-law",
     "stl-degenerate",
+    "stl-inconsistent",
     "stl-inverted",
     "stl-non-manifold",
     "stl-open",
@@ -209,6 +210,11 @@ impl Report {
         self.findings.borrow().is_empty()
     }
 
+    /// True once an error was found.
+    pub fn has_errors(&self) -> bool {
+        self.findings.borrow().iter().any(|finding| finding.severity == Severity::Error)
+    }
+
     /// The findings in the order of the file, errors before warnings at the same place.
     pub fn into_findings(self) -> Vec<Finding> {
         let mut findings = self.findings.into_inner();
@@ -249,9 +255,8 @@ pub fn render(findings: &[Finding], source: &str) -> String {
         let title = level.primary_title(finding.what.as_str()).id(finding.rule);
         let group = if finding.line > 0 {
             let span = clip(source, &finding.span);
-            let snippet = Snippet::source(source)
-                .path(finding.file.as_str())
-                .annotation(AnnotationKind::Primary.span(span));
+            let snippet =
+                Snippet::source(source).path(finding.file.as_str()).annotation(AnnotationKind::Primary.span(span));
             title.element(snippet).element(next)
         } else {
             title.element(annotate_snippets::Origin::path(finding.file.as_str())).element(next)
@@ -313,9 +318,13 @@ mod tests {
 
     #[test]
     fn distances_are_levenshteins() {
-        for (a, b, distance) in
-            [("kitten", "sitting", 3), ("", "abc", 3), ("abc", "abc", 0), ("flaw", "lawn", 2), ("frction", "friction", 1)]
-        {
+        for (a, b, distance) in [
+            ("kitten", "sitting", 3),
+            ("", "abc", 3),
+            ("abc", "abc", 0),
+            ("flaw", "lawn", 2),
+            ("frction", "friction", 1),
+        ] {
             assert_eq!(edit_distance(a, b), distance, "{a} {b}");
             assert_eq!(edit_distance(b, a), distance, "{b} {a}");
         }

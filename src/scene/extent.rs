@@ -1,7 +1,7 @@
 //! How far things reach: bounds of surfaces along their motion, of regions and faces, and the domain that follows.
 
-use super::resolve::Draft;
 use super::Domain;
+use super::resolve::Draft;
 use crate::dem::feed::{Face, FeedKind, Region};
 use crate::geometry::motion::{Motion, MotionKind};
 use crate::geometry::part::Surface;

@@ -163,7 +163,8 @@ pub(super) fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Un
 /// `key` without the unit at its end: `diameter` of `diameter_mm`.
 pub(super) fn base_of_key(key: &str) -> &str {
     let endings = UNITS.iter().map(Unit::key_ending);
-    let longest = endings.filter(|ending| key.len() > ending.len() && key.ends_with(ending.as_str())).map(|e| e.len()).max();
+    let longest =
+        endings.filter(|ending| key.len() > ending.len() && key.ends_with(ending.as_str())).map(|e| e.len()).max();
     &key[..key.len() - longest.unwrap_or(0)]
 }
 
@@ -206,9 +207,8 @@ fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let mut at = 0;
     while at < bytes.len() {
-        let exponent = matches!(bytes[at], b'e' | b'E')
-            && at > 0
-            && matches!(bytes.get(at + 1), Some(b'0'..=b'9' | b'+' | b'-'));
+        let exponent =
+            matches!(bytes[at], b'e' | b'E') && at > 0 && matches!(bytes.get(at + 1), Some(b'0'..=b'9' | b'+' | b'-'));
         let sign = matches!(bytes[at], b'+' | b'-') && (at == 0 || matches!(bytes[at - 1], b'e' | b'E'));
         if !(bytes[at].is_ascii_digit() || bytes[at] == b'.' || exponent || sign) {
             break;

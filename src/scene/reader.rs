@@ -2,7 +2,7 @@
 //! is a finding at the end.
 
 use super::diagnostics::{Place, Report, hint, nearest};
-use super::quantity::{self, Dimension, Fault, units_of};
+use super::quantity::{self, Dimension, Fault, Unit, units_of};
 use super::schema;
 use super::tree::{Entry, Node, Table, Value};
 use crate::math::Vec3;
@@ -21,6 +21,8 @@ pub(super) enum Limit {
     Within(f64, f64),
     /// low < value < high.
     Between(f64, f64),
+    /// > low.
+    Above(f64),
 }
 
 impl Limit {
@@ -31,6 +33,7 @@ impl Limit {
             Self::NotNegative => value >= 0.0,
             Self::Within(low, high) => value > low && value <= high,
             Self::Between(low, high) => value > low && value < high,
+            Self::Above(low) => value > low,
         }
     }
 
@@ -41,6 +44,7 @@ impl Limit {
             Self::NotNegative => "not be negative".to_owned(),
             Self::Within(low, high) => format!("be greater than {low} and at most {high}"),
             Self::Between(low, high) => format!("lie between {low} and {high}"),
+            Self::Above(low) => format!("be greater than {low}"),
         }
     }
 }
@@ -105,14 +109,22 @@ impl<'a> Reader<'a> {
         self.report.place(&join(&self.path, key))
     }
 
-    /// True where `key` is given, with or without a unit at its end.
+    /// True where `key` is given, with or without a unit at its end, even one that is unknown.
     pub fn has(&self, key: &str) -> bool {
-        self.table.entries.iter().any(|entry| entry.key == key || quantity::base_of_key(&entry.key) == key)
+        self.table.entries.iter().any(|entry| {
+            let base = quantity::base_of_key(&entry.key);
+            entry.key == key || base == key || (!schema::knows(self.section, base) && ends_oddly(&entry.key, key))
+        })
     }
 
     /// Reports that `key` is missing.
     pub fn missing(&self, key: &str, example: &str) {
-        self.report.error("missing-key", &self.place, format!("{} has no `{key}`", self.words()), format!("add `{example}`"));
+        self.report.error(
+            "missing-key",
+            &self.place,
+            format!("{} has no `{key}`", self.words()),
+            format!("add `{example}`"),
+        );
     }
 
     fn words(&self) -> String {
@@ -162,7 +174,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A non-negative integer.
-    pub fn integer(&self, key: &'static str) -> Option<u64> {
+    pub fn integer(&self, key: &'static str, example: u64) -> Option<u64> {
         let node = self.entry(key)?;
         match node.value {
             Value::Integer(number) => match u64::try_from(number) {
@@ -173,7 +185,7 @@ impl<'a> Reader<'a> {
                 }
             },
             _ => {
-                self.wrong_type(key, node, "an integer", "1000");
+                self.wrong_type(key, node, "an integer", &example.to_string());
                 None
             }
         }
@@ -208,34 +220,31 @@ impl<'a> Reader<'a> {
         let found = words.iter().find(|(word, _)| word == text).map(|(_, value)| *value);
         if found.is_none() {
             let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-            self.report.error(
-                "unknown-word",
-                &node.place,
-                format!("`{key}` cannot be \"{text}\""),
-                hint(text, &known),
-            );
+            self.report.error("unknown-word", &node.place, format!("`{key}` cannot be \"{text}\""), hint(text, &known));
         }
         found
     }
 
-    /// The name of something declared elsewhere: its index in `known`.
-    pub fn reference(&self, key: &'static str, what: &str, known: &[String]) -> Option<usize> {
+    /// The name of something declared elsewhere under `section.NAME`: its index in `known`.
+    pub fn reference(&self, key: &'static str, section: &str, known: &[String]) -> Option<usize> {
         if !self.has(key) {
             self.missing(key, &format!("{key} = \"…\""));
         }
         let node = self.entry(key)?;
-        self.reference_of(key, node, what, known)
+        self.reference_of(key, node, section, known)
     }
 
     /// `node` as the name of something declared elsewhere.
-    pub fn reference_of(&self, key: &str, node: &Node, what: &str, known: &[String]) -> Option<usize> {
+    pub fn reference_of(&self, key: &str, node: &Node, section: &str, known: &[String]) -> Option<usize> {
         let Value::Text(name) = &node.value else {
             self.wrong_type(key, node, "a string", "\"…\"");
             return None;
         };
         let found = known.iter().position(|other| other == name);
-        if found.is_none() {
+        // What was declared, but is no table, has its finding there.
+        if found.is_none() && !self.report.was_given(&join(section, name)) {
             let names: Vec<&str> = known.iter().map(String::as_str).collect();
+            let what = if section == "particle" { "particle class" } else { section };
             self.report.error("unknown-name", &node.place, format!("there is no {what} \"{name}\""), hint(name, &names));
         }
         found
@@ -247,7 +256,11 @@ impl<'a> Reader<'a> {
     }
 
     /// The value of `key` or `key_<unit>`, with the factor that the key's ending implies.
-    pub fn measured(&self, key: &'static str, dimensions: &[Dimension]) -> Option<(&'a Node, Option<(Dimension, f64)>)> {
+    pub fn measured(
+        &self,
+        key: &'static str,
+        dimensions: &[Dimension],
+    ) -> Option<(&'a Node, Option<(Dimension, f64)>)> {
         self.ask(key);
         let mut found: Vec<(&'a Node, Option<(Dimension, f64)>)> = Vec::new();
         for entry in &self.table.entries {
@@ -296,7 +309,12 @@ impl<'a> Reader<'a> {
             Value::Number(number) => *number,
             Value::Text(text) if factor.is_none() => return self.written(key, node, text, dimension),
             Value::Text(_) => {
-                self.wrong_type(key, node, "a bare number, as the key names the unit", "3");
+                self.report.error(
+                    "wrong-type",
+                    &node.place,
+                    format!("`{key}` names its unit in the key, so its value must be a bare number, not a string"),
+                    format!("write the number alone, or `{key} = …` with the unit in the string"),
+                );
                 return None;
             }
             _ => {
@@ -336,11 +354,15 @@ impl<'a> Reader<'a> {
             }
             Err(Fault::WrongDimension(symbol, other)) => {
                 let known: Vec<&str> = units_of(dimension).map(|unit| unit.symbol).collect();
+                let next = match dimension {
+                    Dimension::Dimensionless => "write a bare number, or a percentage".to_owned(),
+                    _ => format!("units: {}", known.join(", ")),
+                };
                 self.report.error(
                     "wrong-dimension",
                     &node.place,
                     format!("`{key}` must be {}, and `{symbol}` is a unit of {}", dimension.words(), other.words()),
-                    if known.is_empty() { "write a bare number".to_owned() } else { format!("units: {}", known.join(", ")) },
+                    next,
                 );
             }
         }
@@ -349,12 +371,15 @@ impl<'a> Reader<'a> {
 
     fn bare(&self, key: &str, node: &Node, number: f64, dimension: Dimension) {
         let (_, symbol) = dimension.example();
-        let ending = units_of(dimension).find(|unit| unit.symbol == symbol).map_or_else(String::new, |u| u.key_ending());
+        let ending =
+            units_of(dimension).find(|unit| unit.symbol == symbol).map_or_else(String::new, |u| u.key_ending());
         self.report.error(
             "bare-number",
             &node.place,
             format!("`{key}` is a bare number, and the key does not name its unit"),
-            format!("write it with its unit, for example `{key} = \"{number} {symbol}\"` or `{key}{ending} = {number}`"),
+            format!(
+                "write it with its unit, for example `{key} = \"{number} {symbol}\"` or `{key}{ending} = {number}`"
+            ),
         );
     }
 
@@ -383,12 +408,7 @@ impl<'a> Reader<'a> {
     }
 
     fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
-        self.report.error(
-            "out-of-range",
-            place,
-            format!("`{key}` must {words}, and is {given}"),
-            "correct the value",
-        );
+        self.report.error("out-of-range", place, format!("`{key}` must {words}, and is {given}"), "correct the value");
     }
 
     /// An array of quantities in SI; `None` where one of them is wrong.
@@ -398,6 +418,17 @@ impl<'a> Reader<'a> {
             self.wrong_type(key, node, "an array", &format!("[{}, …]", value_example(dimension)));
             return None;
         };
+        let bare = |item: &Node| matches!(item.value, Value::Integer(_) | Value::Number(_));
+        if factor.is_none() && dimension != Dimension::Dimensionless && items.iter().any(bare) {
+            let (ending, value) = (ending_of(dimension), value_example(dimension));
+            self.report.error(
+                "bare-number",
+                &node.place,
+                format!("`{key}` holds bare numbers, and the key does not name their unit"),
+                format!("rename it, for example `{key}{ending}`, or give each number its unit: `{key} = [{value}, …]`"),
+            );
+            return None;
+        }
         let values: Vec<Option<f64>> = items
             .iter()
             .map(|item| {
@@ -416,7 +447,7 @@ impl<'a> Reader<'a> {
             self.report.error(
                 "wrong-length",
                 &self.place_of(key),
-                format!("`{key}` has {count} elements, not {N}"),
+                format!("`{key}` needs {N} elements, and has {count}"),
                 format!("write {N} of them in [brackets]"),
             );
             None
@@ -471,7 +502,12 @@ impl<'a> Reader<'a> {
     }
 
     fn of(&self, own: String) -> String {
-        if self.label.is_empty() { own } else { format!("{own} of {}", self.label) }
+        if self.label.is_empty() {
+            // At the top, a table is shown as it is written: [contact].
+            if own.starts_with('`') { own.replacen('`', "[", 1).replacen('`', "]", 1) } else { own }
+        } else {
+            format!("{own} of {}", self.label)
+        }
     }
 
     fn table_of(&self, node: &'a Node, path: String, label: String, section: &'static str) -> Option<Reader<'a>> {
@@ -511,13 +547,19 @@ impl<'a> Reader<'a> {
     pub fn named_tables(&self, key: &'static str, section: &'static str) -> Vec<(String, Reader<'a>)> {
         let Some(node) = self.entry(key) else { return Vec::new() };
         let Value::Table(table) = &node.value else {
-            self.wrong_type(key, node, "a table of tables", &format!("{{ NAME = {{ … }} }}`, or better write `[{key}.NAME]"));
+            self.wrong_type(
+                key,
+                node,
+                "a table of tables",
+                &format!("{{ NAME = {{ … }} }}`, or better write `[{key}.NAME]"),
+            );
             return Vec::new();
         };
         let mut found = Vec::new();
         for entry in &table.entries {
             let path = join(&join(&self.path, key), &entry.key);
             self.check_name(&entry.key, &entry.key_place);
+            self.report.remember(path.clone(), entry.key_place.clone());
             match self.table_of(&entry.node, path, self.of(format!("[{key}.{}]", entry.key)), section) {
                 Some(reader) => found.push((entry.key.clone(), reader)),
                 None => self.report.error(
@@ -614,6 +656,12 @@ fn list(keys: &[&str]) -> String {
 /// `path.key`, or `key` alone at the top.
 pub(super) fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+/// The end of a key that names the usual unit of a dimension.
+fn ending_of(dimension: Dimension) -> String {
+    let (_, symbol) = dimension.example();
+    units_of(dimension).find(|unit| unit.symbol == symbol).map_or_else(String::new, Unit::key_ending)
 }
 
 fn value_example(dimension: Dimension) -> String {

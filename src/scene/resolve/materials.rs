@@ -14,8 +14,7 @@ pub(super) fn materials(reader: &Reader<'_>) -> Vec<Material> {
 
 fn material(name: String, reader: Reader<'_>) -> Material {
     let density = reader.quantity("density", Dimension::Density, Limit::Positive);
-    let rigid =
-        matches!(reader.node("youngs_modulus"), Some(Node { value: Value::Text(text), .. }) if text == "rigid");
+    let rigid = matches!(reader.node("youngs_modulus"), Some(Node { value: Value::Text(text), .. }) if text == "rigid");
     let ratio = if reader.has("poissons_ratio") {
         reader.quantity("poissons_ratio", Dimension::Dimensionless, Limit::Between(-1.0, 0.5))
     } else {
@@ -28,7 +27,9 @@ fn material(name: String, reader: Reader<'_>) -> Material {
         Some(Elasticity::Rigid)
     } else {
         let modulus = reader.quantity("youngs_modulus", Dimension::Pressure, Limit::Positive);
-        modulus.zip(ratio).map(|(youngs_modulus, poissons_ratio)| Elasticity::Isotropic { youngs_modulus, poissons_ratio })
+        modulus
+            .zip(ratio)
+            .map(|(youngs_modulus, poissons_ratio)| Elasticity::Isotropic { youngs_modulus, poissons_ratio })
     };
     reader.finish();
     Material { name, density, elasticity }
@@ -36,9 +37,17 @@ fn material(name: String, reader: Reader<'_>) -> Material {
 
 const DIRECT: [&str; 4] = ["normal_stiffness", "tangential_stiffness", "normal_damping", "tangential_damping"];
 
-/// All pairs, in the file's order.
-pub(super) fn pairs(reader: &Reader<'_>, context: &Context<'_>, law: Option<&LawSettings>) -> Vec<Located<PairDraft>> {
-    reader.tables("pair", "pair").into_iter().filter_map(|table| pair(table, context, law)).collect()
+/// All pairs, in the file's order; and whether each names two materials.
+pub(super) fn pairs(
+    reader: &Reader<'_>,
+    context: &Context<'_>,
+    law: Option<&LawSettings>,
+) -> (Vec<Located<PairDraft>>, bool) {
+    let tables = reader.tables("pair", "pair");
+    let count = tables.len();
+    let pairs: Vec<_> = tables.into_iter().filter_map(|table| pair(table, context, law)).collect();
+    let whole = pairs.len() == count;
+    (pairs, whole)
 }
 
 fn pair(reader: Reader<'_>, context: &Context<'_>, law: Option<&LawSettings>) -> Option<Located<PairDraft>> {
@@ -79,7 +88,7 @@ fn between(reader: &Reader<'_>, context: &Context<'_>) -> Option<(u16, u16)> {
         reader.report.error(
             "wrong-length",
             &node.place,
-            format!("`between` has {} elements, not 2", items.len()),
+            format!("`between` needs 2 elements, and has {}", items.len()),
             "name the two materials; a material with itself is named twice",
         );
         return None;

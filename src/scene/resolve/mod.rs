@@ -65,6 +65,8 @@ pub(super) struct Draft {
     pub domain: DomainDraft,
     pub materials: Vec<Material>,
     pub pairs: Vec<Located<PairDraft>>,
+    /// True where every pair names two materials.
+    pub pairs_whole: bool,
     pub law: Option<LawSettings>,
     pub classes: Vec<Located<Option<ParticleClass>>>,
     pub feeds: Vec<Located<Feed>>,
@@ -126,7 +128,7 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
         densities: materials.iter().map(|material| material.density).collect(),
         classes: Vec::new(),
     };
-    let pairs = materials::pairs(&reader, &context, law.as_ref());
+    let (pairs, pairs_whole) = materials::pairs(&reader, &context, law.as_ref());
     let classes = particles::classes(&reader, &mut context);
     let mut names = Vec::new();
     let feeds = sources::feeds(&reader, &context, &mut names);
@@ -134,12 +136,13 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
     let end = outputs::end(&reader);
     let draft = Draft {
         name: reader.text("title").map_or_else(|| name.to_owned(), str::to_owned),
-        seed: reader.integer("seed").unwrap_or(1),
+        seed: reader.integer("seed", 1).unwrap_or(1),
         body,
         gravity: reader.vector("gravity", Dimension::Acceleration).unwrap_or(vec3(0.0, 0.0, -GRAVITY)),
         domain: domain(&reader),
         materials,
         pairs,
+        pairs_whole,
         law,
         classes,
         feeds,
@@ -159,7 +162,7 @@ fn version(reader: &Reader<'_>) {
     if !reader.has("version") {
         reader.missing("version", &format!("version = {VERSION}"));
     }
-    if let Some(version) = reader.integer("version")
+    if let Some(version) = reader.integer("version", VERSION)
         && version != VERSION
     {
         reader.report.error(
@@ -172,7 +175,7 @@ fn version(reader: &Reader<'_>) {
 }
 
 fn body(reader: &Reader<'_>) -> Body {
-    let dimensions = reader.integer("dimensions").unwrap_or(3);
+    let dimensions = reader.integer("dimensions", 3).unwrap_or(3);
     let thickness = reader.quantity("thickness", Dimension::Length, Limit::Positive);
     let place = reader.place_of(if reader.has("thickness") { "thickness" } else { "dimensions" });
     match dimensions {
@@ -218,8 +221,7 @@ fn contact(reader: &Reader<'_>) -> Option<LawSettings> {
         }
         return None;
     };
-    let normal =
-        contact.need_word("law", &[("linear", NormalLaw::Linear), ("hertz-mindlin", NormalLaw::HertzMindlin)]);
+    let normal = contact.need_word("law", &[("linear", NormalLaw::Linear), ("hertz-mindlin", NormalLaw::HertzMindlin)]);
     let law = LawSettings {
         normal: normal.unwrap_or(NormalLaw::HertzMindlin),
         tangential: contact
@@ -269,7 +271,8 @@ fn at_rest(reader: Reader<'_>) -> Option<AtRest> {
 
 /// A trigger: a time, or a table with `at_rest`.
 fn trigger(reader: &Reader<'_>, key: &'static str, default: Trigger) -> Trigger {
-    let is_table = matches!(reader.measured(key, &[Dimension::Time]), Some((Node { value: Value::Table(_), .. }, None)));
+    let is_table =
+        matches!(reader.measured(key, &[Dimension::Time]), Some((Node { value: Value::Table(_), .. }, None)));
     if !is_table {
         return match reader.quantity(key, Dimension::Time, Limit::NotNegative) {
             Some(time) => Trigger::At { time },

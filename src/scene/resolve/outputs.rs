@@ -26,14 +26,12 @@ pub(super) fn solver(reader: &Reader<'_>) -> SolverSettings {
         forced_models: Vec::new(),
     };
     let Some(table) = reader.table("solver", "solver") else { return settings };
-    let auto =
-        matches!(table.measured("timestep", &[Time]), Some((Node { value: Value::Text(text), .. }, None)) if text == "auto");
+    let auto = matches!(table.measured("timestep", &[Time]), Some((Node { value: Value::Text(text), .. }, None)) if text == "auto");
     if !auto {
         settings.timestep = table.quantity("timestep", Time, Limit::Positive);
     }
     let one = Limit::Within(0.0, 1.0);
-    settings.timestep_fraction =
-        table.quantity("timestep_fraction", Dimensionless, one).unwrap_or(TIMESTEP_FRACTION);
+    settings.timestep_fraction = table.quantity("timestep_fraction", Dimensionless, one).unwrap_or(TIMESTEP_FRACTION);
     settings.skin = table.quantity("skin", Length, Limit::Positive);
     settings.overlap_limit = table.quantity("overlap_limit", Dimensionless, one).unwrap_or(OVERLAP_LIMIT);
     settings.impact_speed = table.quantity("impact_speed", Velocity, Limit::Positive);
@@ -60,7 +58,7 @@ pub(super) fn end(reader: &Reader<'_>) -> Option<EndConditions> {
     let time = table.need_quantity("time", Time, Limit::Positive);
     let rest = table.table("at_rest", "at_rest").and_then(at_rest);
     let empty = table.boolean("empty", false);
-    let left_count = table.integer("left_count");
+    let left_count = table.integer("left_count", 1000);
     table.finish();
     Some(EndConditions { time: time?, at_rest: rest, empty, left_count })
 }

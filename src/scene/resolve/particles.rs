@@ -63,7 +63,7 @@ fn normal(reader: Reader<'_>) -> Option<SizeDistribution> {
 
 fn lognormal(reader: Reader<'_>) -> Option<SizeDistribution> {
     let median = reader.need_quantity("median", Length, Limit::Positive);
-    let above_one = Limit::Between(1.0, f64::INFINITY);
+    let above_one = Limit::Above(1.0);
     let geometric_deviation = reader.need_quantity("geometric_deviation", Dimensionless, above_one);
     let minimum = reader.need_quantity("minimum", Length, Limit::Positive);
     let maximum = reader.need_quantity("maximum", Length, Limit::Positive);

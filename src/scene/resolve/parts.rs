@@ -4,7 +4,7 @@ use super::regions::{Placement, axis, corners, placement, stl};
 use super::{Context, Located, PartDraft, trigger};
 use crate::geometry::motion::{Motion, MotionKind, MotionTerm};
 use crate::geometry::part::{Part, Surface, TriangleMesh, Trigger};
-use crate::math::{Vec3, vec3};
+use crate::math::Vec3;
 use crate::scene::diagnostics::Place;
 use crate::scene::quantity::Dimension::{Angle, AngularVelocity, Frequency, Length, Time, Velocity};
 use crate::scene::reader::{Limit, Reader};
@@ -73,7 +73,7 @@ fn surface(reader: &Reader<'_>, shape: Shape, context: &Context<'_>) -> Option<(
         Shape::Box => {
             let (minimum, maximum) = (reader.need_vector("min", Length), reader.need_vector("max", Length));
             let (minimum, maximum) = corners(reader, minimum, maximum)?;
-            Surface::Mesh(place.mesh(box_mesh(minimum, maximum)))
+            Surface::Mesh(place.mesh(TriangleMesh::box_mesh(&minimum, &maximum)))
         }
         Shape::Cylinder => {
             let (start, end) = (reader.need_vector("start", Length), reader.need_vector("end", Length));
@@ -114,17 +114,6 @@ fn frustum(place: &Placement, (start, end): (Vec3, Vec3), start_radius: f64, end
     }
 }
 
-/// The six faces of a box, two triangles each, normals outwards.
-fn box_mesh(low: Vec3, high: Vec3) -> TriangleMesh {
-    let pick = |bit: usize, axis: usize| if bit == 0 { low[axis] } else { high[axis] };
-    let vertices = (0..8).map(|k| vec3(pick(k & 1, 0), pick(k & 2, 1), pick(k & 4, 2))).collect();
-    // Corner k has bit 0 set at high x, bit 1 at high y, bit 2 at high z; each face counter-clockwise from outside.
-    let faces: [[u32; 4]; 6] =
-        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let triangles = faces.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
-    TriangleMesh { vertices, triangles }
-}
-
 #[derive(Clone, Copy)]
 enum Kind {
     Rotate,
@@ -147,18 +136,14 @@ fn term(reader: Reader<'_>) -> Option<MotionTerm> {
             let rate = reader.need_quantity("rate", AngularVelocity, Limit::Any);
             (|| Some(MotionKind::Rotate { origin: origin?, axis: axis?, rate: rate? }))()
         }
-        Kind::Translate => {
-            reader.need_vector("velocity", Velocity).map(|velocity| MotionKind::Translate { velocity })
-        }
+        Kind::Translate => reader.need_vector("velocity", Velocity).map(|velocity| MotionKind::Translate { velocity }),
         Kind::Oscillate => {
             let amplitude = reader.need_vector("amplitude", Length);
             let frequency = reader.need_quantity("frequency", Frequency, Limit::Positive);
             let phase = reader.quantity("phase", Angle, Limit::Any).unwrap_or(0.0);
             (|| Some(MotionKind::Oscillate { amplitude: amplitude?, frequency: frequency?, phase }))()
         }
-        Kind::Conveyor => {
-            reader.need_vector("velocity", Velocity).map(|velocity| MotionKind::Conveyor { velocity })
-        }
+        Kind::Conveyor => reader.need_vector("velocity", Velocity).map(|velocity| MotionKind::Conveyor { velocity }),
     };
     let from = reader.quantity("from", Time, Limit::NotNegative).unwrap_or(0.0);
     let until = reader.quantity("until", Time, Limit::NotNegative).unwrap_or(f64::INFINITY);
@@ -172,30 +157,4 @@ fn term(reader: Reader<'_>) -> Option<MotionTerm> {
     }
     reader.finish();
     Some(MotionTerm { kind: kind?, from, until })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_box_is_closed_and_faces_outwards() {
-        let (low, high) = (vec3(1.0, 2.0, 3.0), vec3(2.0, 4.0, 6.0));
-        let mesh = box_mesh(low, high);
-        // Divergence theorem: V = sum a . (b x c) / 6, positive for outward normals.
-        let volume: f64 = mesh
-            .triangles
-            .iter()
-            .map(|t| t.map(|k| mesh.vertices[k as usize]))
-            .map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0)
-            .sum();
-        assert!((volume - 1.0 * 2.0 * 3.0).abs() < 1e-12, "{volume}");
-        let mut edges = std::collections::BTreeMap::new();
-        for t in &mesh.triangles {
-            for k in 0..3 {
-                *edges.entry((t[k], t[(k + 1) % 3])).or_insert(0) += 1;
-            }
-        }
-        assert!(edges.iter().all(|((a, b), count)| *count == 1 && edges.contains_key(&(*b, *a))));
-    }
 }

@@ -73,7 +73,7 @@ pub(super) fn stl(reader: &Reader<'_>, context: &Context<'_>) -> Option<(Triangl
             reader.report.error(
                 "stl-unreadable",
                 &reader.place_of("file"),
-                format!("the STL file \"{name}\" cannot be read: {error}"),
+                format!("the STL file cannot be used: {error}"),
                 "files are named from the folder of the scene; write the shape as ASCII or binary STL",
             );
             None
@@ -90,8 +90,7 @@ enum RegionShape {
 
 /// Reads a region to fill.
 pub(super) fn region(reader: Reader<'_>, context: &Context<'_>) -> Option<Region> {
-    let shapes =
-        [("box", RegionShape::Box), ("cylinder", RegionShape::Cylinder), ("stl", RegionShape::Stl)];
+    let shapes = [("box", RegionShape::Box), ("cylinder", RegionShape::Cylinder), ("stl", RegionShape::Stl)];
     let region = match reader.need_word("shape", &shapes)? {
         RegionShape::Box => {
             let (minimum, maximum) = (reader.need_vector("min", Length), reader.need_vector("max", Length));
@@ -157,7 +156,12 @@ pub(super) fn face(reader: Reader<'_>) -> Option<Face> {
         if let Some((a, b)) = sides
             && a.cross(&b).norm() <= f64::EPSILON * a.norm() * b.norm()
         {
-            reader.zero_vector("side_b");
+            reader.report.error(
+                "zero-vector",
+                &reader.place_of("side_b"),
+                "`side_a` and `side_b` lie along one line, so they span no face",
+                "turn one of the two",
+            );
             return None;
         }
         (|| Some(Face::Rectangle { centre: centre?, side_a: side_a?, side_b: side_b? }))()

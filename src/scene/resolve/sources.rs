@@ -1,14 +1,17 @@
 //! `[[feed]]`: fills, streams and initial states.
 
 use super::{Context, Located, regions};
-use crate::dem::feed::initial_state;
+use crate::dem::feed::initial_state::{self, InitialStateError};
 use crate::dem::feed::{Amount, Face, Feed, FeedKind, Rate, Region};
 use crate::math::Vec3;
 use crate::scene::diagnostics::Place;
-use crate::scene::quantity::Dimension::{self, Mass, MassRate, NumberRate, Time, Velocity};
 use crate::scene::quantity;
+use crate::scene::quantity::Dimension::{self, Mass, MassRate, NumberRate, Time, Velocity};
 use crate::scene::reader::{Limit, Reader};
 use crate::scene::tree::{Node, Value};
+
+/// So many findings of one initial state are shown.
+const MOST_FINDINGS: usize = 20;
 
 #[derive(Clone, Copy)]
 enum Kind {
@@ -47,7 +50,7 @@ pub(super) fn feeds(
 }
 
 fn fill(reader: &Reader<'_>, context: &Context<'_>) -> Option<FeedKind> {
-    let class = reader.reference("particle", "particle class", &context.classes);
+    let class = reader.reference("particle", "particle", &context.classes);
     let region = region(reader, context);
     let amount = amount(reader);
     if !reader.has("amount") {
@@ -68,7 +71,7 @@ fn region(reader: &Reader<'_>, context: &Context<'_>) -> Option<Region> {
 }
 
 fn stream(reader: &Reader<'_>, context: &Context<'_>) -> Option<FeedKind> {
-    let class = reader.reference("particle", "particle class", &context.classes);
+    let class = reader.reference("particle", "particle", &context.classes);
     let face = face(reader);
     let rate = rate(reader);
     let amount = amount(reader);
@@ -132,13 +135,24 @@ fn file(reader: &Reader<'_>, context: &Context<'_>, number: usize) -> Option<Fee
         context.materials.iter().cloned().zip(context.densities.iter().copied()).collect();
     match initial_state::read(&context.base.join(name), u32::try_from(number).ok()?, &materials) {
         Ok(particles) => Some(FeedKind::File { particles }),
-        Err(error) => {
+        Err(InitialStateError::Unreadable { source, .. }) => {
             reader.report.error(
                 "initial-state",
                 &reader.place_of("file"),
-                format!("the initial state \"{name}\" cannot be used: {error}"),
-                "columns are x_m, y_m, z_m, radius_m, material and, if you like, vx_m_per_s … and the others; see the reference",
+                format!("the initial state \"{name}\" cannot be read: {source}"),
+                "files are named from the folder of the scene",
             );
+            None
+        }
+        Err(InitialStateError::Invalid { findings, .. }) => {
+            for finding in findings.iter().take(MOST_FINDINGS) {
+                reader.report.error(
+                    "initial-state",
+                    &reader.place_of("file"),
+                    format!("{name}:{}: {}", finding.line, finding.text),
+                    "correct the file; the reference of the scene explains its columns",
+                );
+            }
             None
         }
     }

@@ -10,9 +10,10 @@ pub(super) fn check(subject: &Subject<'_>) {
     if !linear || subject.report.was_given("contact.characteristic_velocity") {
         return;
     }
-    let derived = subject.draft.pairs.iter().find(|pair| {
-        pair.item.properties.is_some_and(|pair| matches!(pair.contact, PairContact::Restitution { .. }))
-    });
+    let derived =
+        subject.draft.pairs.iter().find(|pair| {
+            pair.item.properties.is_some_and(|pair| matches!(pair.contact, PairContact::Restitution { .. }))
+        });
     if let Some(pair) = derived {
         let (a, b) = (subject.material(pair.item.a), subject.material(pair.item.b));
         subject.error(

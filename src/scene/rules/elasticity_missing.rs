@@ -17,7 +17,9 @@ pub(super) fn check(subject: &Subject<'_>) {
                 subject.error(
                     "elasticity-missing",
                     &format!("material.{name}"),
-                    format!("material \"{name}\" has no `youngs_modulus`, and a pair of it is given by its restitution"),
+                    format!(
+                        "material \"{name}\" has no `youngs_modulus`, and a pair of it is given by its restitution"
+                    ),
                     "add `youngs_modulus` and `poissons_ratio`, or `youngs_modulus = \"rigid\"` for a wall",
                 );
             }

@@ -3,11 +3,12 @@
 //! Particles lie inside a region as a whole, so a region may touch a wall; a thousandth of the smallest diameter is
 //! forgiven. Parts are taken where they are when the feed starts; parts that wait for a condition are left out.
 
-use super::overlap::{Convex, cross, frustum_triangles, is_inside, triangles};
+use super::overlap::{Convex, cross, frustum_triangles, triangles};
 use super::{Subject, join, mm};
 use crate::dem::feed::{FeedKind, Region};
 use crate::geometry::motion::Pose;
 use crate::geometry::part::{Part, Surface, TriangleMesh};
+use crate::geometry::solid::Solid;
 use crate::math::Vec3;
 
 /// Share of the smallest diameter that a region may reach into a wall.
@@ -51,15 +52,12 @@ pub(super) fn check(subject: &Subject<'_>) {
 /// The surface of a part at a plant time [s].
 fn moved(part: &Part, time: f64) -> Surface {
     let pose: Pose = part.motion.pose(time);
-    let at = |point: &Vec3| pose.rotation * point + pose.translation;
+    let at = |point: &Vec3| pose.apply(point);
     match &part.surface {
         Surface::Plane { point, normal } => Surface::Plane { point: at(point), normal: pose.rotation * normal },
-        Surface::Frustum { start, end, start_radius, end_radius } => Surface::Frustum {
-            start: at(start),
-            end: at(end),
-            start_radius: *start_radius,
-            end_radius: *end_radius,
-        },
+        Surface::Frustum { start, end, start_radius, end_radius } => {
+            Surface::Frustum { start: at(start), end: at(end), start_radius: *start_radius, end_radius: *end_radius }
+        }
         Surface::Mesh(mesh) => Surface::Mesh(TriangleMesh {
             vertices: mesh.vertices.iter().map(at).collect(),
             triangles: mesh.triangles.clone(),
@@ -101,7 +99,7 @@ fn mesh_trouble(region: &TriangleMesh, surface: &Surface, tolerance: f64) -> Opt
         Surface::Mesh(mesh) => triangles(mesh).collect(),
     };
     let own: Vec<[Vec3; 3]> = triangles(region).collect();
-    (crossing(&own, &part, tolerance) || buried(region, &part)).then(|| CUT.to_owned())
+    (crossing(&own, &part, tolerance) || buried(region, &part, tolerance)).then(|| CUT.to_owned())
 }
 
 /// True where two sets of triangles cross: swept along x, so that far ones are never compared.
@@ -127,10 +125,11 @@ fn crossing(own: &[[Vec3; 3]], part: &[[Vec3; 3]], tolerance: f64) -> bool {
 }
 
 /// True where a triangle of the part lies within the region without crossing its surface. A few of them tell.
-fn buried(region: &TriangleMesh, part: &[[Vec3; 3]]) -> bool {
+fn buried(region: &TriangleMesh, part: &[[Vec3; 3]], tolerance: f64) -> bool {
     const SAMPLES: usize = 64;
+    let solid = Solid::new(region);
     let stride = part.len().div_ceil(SAMPLES).max(1);
-    part.iter().step_by(stride).any(|[a, b, c]| is_inside(region, &((a + b + c) / 3.0)))
+    part.iter().step_by(stride).any(|[a, b, c]| solid.sphere_inside(&((a + b + c) / 3.0), tolerance))
 }
 
 fn particle_trouble(position: &Vec3, radius: f64, surface: &Surface) -> Option<String> {

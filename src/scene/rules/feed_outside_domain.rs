@@ -9,7 +9,7 @@ pub(super) fn check(subject: &Subject<'_>) {
     let domain = subject.domain.bounds;
     for feed in &subject.draft.feeds {
         let bounds = extent::of_feed(&feed.item.kind);
-        if bounds.is_empty() || domain.is_empty() {
+        if bounds.is_empty() || domain.size().min() <= 0.0 {
             continue;
         }
         let key = match feed.item.kind {

@@ -16,7 +16,12 @@ pub(super) fn check(subject: &Subject<'_>) {
             && start > end.time
         {
             let what = format!("the feed starts at {} s, and the run ends at {} s", round(start), round(end.time));
-            subject.error("feed-window", &join(&feed.path, "start"), what, "start the feed earlier, or end the run later");
+            subject.error(
+                "feed-window",
+                &join(&feed.path, "start"),
+                what,
+                "start the feed earlier, or end the run later",
+            );
         }
     }
 }

@@ -17,12 +17,11 @@ pub(super) fn check(subject: &Subject<'_>) {
             | MeasureKind::CoordinationNumber { region }
             | MeasureKind::SolidFraction { region }
             | MeasureKind::CentreOfMass { region }
-            | MeasureKind::SizeDistribution { region } => {
-                !region.is_empty() && !touch(region, &subject.domain.bounds)
-            }
+            | MeasureKind::SizeDistribution { region } => !region.is_empty() && !touch(region, &subject.domain.bounds),
         };
         if outside {
-            let key = if matches!(measure.item.measure.kind, MeasureKind::MassFlowRate { .. }) { "point" } else { "region" };
+            let key =
+                if matches!(measure.item.measure.kind, MeasureKind::MassFlowRate { .. }) { "point" } else { "region" };
             subject.error(
                 "measure-outside-domain",
                 &join(&measure.path, key),

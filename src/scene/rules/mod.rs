@@ -39,7 +39,7 @@ use super::extent;
 use super::reader::join;
 use super::resolve::{Draft, Located, PartDraft};
 use crate::dem::feed::{Feed, FeedKind};
-use crate::geometry::mesh::MeshReport;
+use crate::geometry::inspection::MeshReport;
 use crate::geometry::part::{Surface, Trigger};
 use crate::particle::ParticleClass;
 
@@ -66,7 +66,6 @@ const RULES: &[Rule] = &[
     domain_empty::check,
     duplicate_name::check,
     elasticity_missing::check,
-    feed_crowded::check,
     feed_in_geometry::check,
     feed_outside_domain::check,
     feed_too_small::check,
@@ -90,7 +89,9 @@ const RULES: &[Rule] = &[
     stl_too_large::check,
     stream_standing::check,
     trigger_order::check,
+    // These two are last: they need a scene without errors.
     unused::check,
+    feed_crowded::check,
 ];
 
 /// Checks every rule.

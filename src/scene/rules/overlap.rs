@@ -75,9 +75,8 @@ impl Convex {
 
     /// How far behind a plane the region reaches [m]; negative where all of it is in front.
     pub fn depth_behind(&self, point: &Vec3, normal: &Vec3) -> f64 {
-        let lateral = self.cylinder.map_or(0.0, |(_, axis, radius)| {
-            radius * (1.0 - axis.dot(normal).powi(2)).max(0.0).sqrt()
-        });
+        let lateral =
+            self.cylinder.map_or(0.0, |(_, axis, radius)| radius * (1.0 - axis.dot(normal).powi(2)).max(0.0).sqrt());
         let lowest = self.points.iter().map(|corner| (corner - point).dot(normal)).fold(f64::INFINITY, f64::min);
         lateral - lowest
     }
@@ -178,21 +177,6 @@ pub(super) fn frustum_triangles(surface: &Surface) -> Vec<[Vec3; 3]> {
     found
 }
 
-/// True where a point lies inside a closed mesh: its triangles fill the whole sphere of view
-/// (solid angle of a triangle after van Oosterom and Strackee 1983).
-pub(super) fn is_inside(mesh: &TriangleMesh, point: &Vec3) -> bool {
-    let angle: f64 = triangles(mesh)
-        .map(|triangle| {
-            let [a, b, c] = triangle.map(|corner| corner - point);
-            let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
-            let down = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-            2.0 * a.dot(&b.cross(&c)).atan2(down)
-        })
-        .sum();
-    // On the surface half of the view is filled; strictly inside all of it.
-    angle.abs() > 3.9 * PI
-}
-
 /// True where an edge of one of the triangles passes through the other, by more than `tolerance` [m].
 pub(super) fn cross(one: &[Vec3; 3], other: &[Vec3; 3], tolerance: f64) -> bool {
     let edge_through = |edge: (Vec3, Vec3), triangle: &[Vec3; 3]| {
@@ -256,17 +240,6 @@ mod tests {
         let normal = vec3(1.0, 0.0, 1.0).normalize();
         let depth = region.depth_behind(&Vec3::zeros(), &normal);
         assert!((depth - 0.5_f64.sqrt()).abs() < 1e-8, "{depth}");
-    }
-
-    #[test]
-    fn inside_is_told_from_outside_and_surface() {
-        let tetrahedron = TriangleMesh {
-            vertices: vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()],
-            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
-        };
-        assert!(is_inside(&tetrahedron, &vec3(0.2, 0.2, 0.2)));
-        assert!(!is_inside(&tetrahedron, &vec3(0.5, 0.5, 0.5)));
-        assert!(!is_inside(&tetrahedron, &vec3(0.2, 0.2, 0.0)));
     }
 
     #[test]

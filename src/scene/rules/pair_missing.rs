@@ -3,6 +3,10 @@
 use super::Subject;
 
 pub(super) fn check(subject: &Subject<'_>) {
+    if !subject.draft.pairs_whole {
+        // The missing one may be the broken one.
+        return;
+    }
     let particles = subject.particle_materials();
     let mut wanted: Vec<(u16, u16, String)> = Vec::new();
     for (index, a) in particles.iter().enumerate() {

@@ -26,7 +26,8 @@ pub(super) fn check(subject: &Subject<'_>) {
             let length = bounds.maximum[axis] - bounds.minimum[axis];
             if length > 0.0 && length < 2.0 * subject.largest {
                 let (length, largest) = (mm(length), mm(subject.largest));
-                let what = format!("the period along {name} ({length}) is less than two of the largest particle ({largest})");
+                let what =
+                    format!("the period along {name} ({length}) is less than two of the largest particle ({largest})");
                 subject.error("periodic-extent", &path, what, "enlarge the domain");
             }
         }

@@ -47,7 +47,7 @@ fn feeds(subject: &Subject<'_>) {
             }
         };
         if bounds.minimum[1] > 0.0 || bounds.maximum[1] < 0.0 {
-            report(subject, &join(&feed.path, key), "it does not reach the plane y = 0");
+            report(subject, &join(&feed.path, key), "the feed does not reach the plane y = 0");
         }
         if velocity.y != 0.0 {
             report(subject, &join(&feed.path, "velocity"), "the velocity leaves the plane y = 0");
@@ -65,12 +65,21 @@ fn motions(subject: &Subject<'_>) {
             };
             if leaves {
                 let path = join(&join(&part.path, "motion"), &index.to_string());
-                report(subject, &path, "the motion leaves the plane; only turns about y and shifts in x and z stay in it");
+                report(
+                    subject,
+                    &path,
+                    "the motion leaves the plane; only turns about y and shifts in x and z stay in it",
+                );
             }
         }
     }
 }
 
 fn report(subject: &Subject<'_>, path: &str, what: &str) {
-    subject.error("plane-region", path, what.to_owned(), "keep feeds and motions in the plane y = 0, or write `dimensions = 3`");
+    subject.error(
+        "plane-region",
+        path,
+        what.to_owned(),
+        "keep feeds and motions in the plane y = 0, or write `dimensions = 3`",
+    );
 }

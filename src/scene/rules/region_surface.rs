@@ -11,11 +11,14 @@ pub(super) fn check(subject: &Subject<'_>) {
         let FeedKind::Fill { region: Region::Inside(mesh), .. } = &feed.item.kind else { continue };
         let inspection = mesh.inspect();
         let path = join(&join(&feed.path, "region"), "file");
-        if inspection.open_edges > 0 {
+        if !inspection.is_closed() {
             subject.error(
                 "region-open",
                 &path,
-                format!("the surface has no inside to fill: it is not closed ({} open edges)", inspection.open_edges),
+                format!(
+                    "the surface has no inside to fill: {} open edges, {} edges where the normals disagree",
+                    inspection.open_edges, inspection.inconsistent_edges
+                ),
                 "close the surface where it was drawn, and export it again",
             );
         } else if inspection.inverted == Some(true) {

@@ -17,7 +17,8 @@ pub(super) fn check(subject: &Subject<'_>) {
         };
         let path = format!("{}.diameter.sieve.fractions", class.path);
         if sieves.len() != fractions.len() + 1 || fractions.is_empty() {
-            let what = format!("{} sizes need one fraction less than that, and there are {}", sieves.len(), fractions.len());
+            let what =
+                format!("{} sizes need one fraction less than that, and there are {}", sieves.len(), fractions.len());
             subject.error("sieve-count", &path, what, "give each class between two sizes its fraction");
             continue;
         }

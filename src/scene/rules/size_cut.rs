@@ -1,7 +1,7 @@
-//! `size-cut` (error): a distribution that is cut so far out that hardly any draw is kept.
+//! `size-cut` (error): a distribution that is cut so far out that hardly anything is left.
 //!
-//! Sizes outside of the cuts are drawn again. Where both cuts lie more than four deviations on the same side of the
-//! centre, fewer than one draw in 30 000 would be kept.
+//! Where both cuts lie more than four deviations on the same side of the centre, fewer than one in 30 000 of the
+//! distribution is left, all of it at one of the cuts: not what was meant.
 
 use super::Subject;
 use crate::particle::SizeDistribution;

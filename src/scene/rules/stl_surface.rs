@@ -2,6 +2,7 @@
 //!
 //! - `stl-open` (warning): edges with one triangle only. Right for a hopper, wrong for a solid.
 //! - `stl-non-manifold` (warning): edges with more than two triangles.
+//! - `stl-inconsistent` (warning): neighbours whose normals point to different sides.
 //! - `stl-inverted` (warning): a closed surface whose normals point inwards.
 //! - `stl-degenerate` (warning): triangles without area.
 
@@ -30,6 +31,16 @@ pub(super) fn check(subject: &Subject<'_>) {
                 "remove doubled or inner faces where the surface was drawn",
             );
         }
+        if inspection.inconsistent_edges > 0 {
+            warn(
+                "stl-inconsistent",
+                format!(
+                    "the surface of part \"{name}\" has {} edges where the normals of two triangles disagree",
+                    inspection.inconsistent_edges
+                ),
+                "make the normals agree where the surface was drawn; contacts are the same on both sides",
+            );
+        }
         if inspection.inverted == Some(true) {
             warn(
                 "stl-inverted",
@@ -41,7 +52,7 @@ pub(super) fn check(subject: &Subject<'_>) {
             warn(
                 "stl-degenerate",
                 format!("the surface of part \"{name}\" has {} triangles without area", inspection.degenerate),
-                "they are ignored; remove them where the surface was drawn",
+                "remove them where the surface was drawn",
             );
         }
     }

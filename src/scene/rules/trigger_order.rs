@@ -23,7 +23,12 @@ pub(super) fn check(subject: &Subject<'_>) {
             subject.error(
                 "trigger-order",
                 &join(&part.path, "appears"),
-                format!("part \"{}\" appears at {} s, and the run ends at {} s", item.name, round(time), round(end.time)),
+                format!(
+                    "part \"{}\" appears at {} s, and the run ends at {} s",
+                    item.name,
+                    round(time),
+                    round(end.time)
+                ),
                 "let it appear earlier, or end the run later",
             );
         }

@@ -8,11 +8,8 @@ use crate::dem::feed::FeedKind;
 
 pub(super) fn check(subject: &Subject<'_>) {
     let draft = subject.draft;
-    // Broken feeds, parts and classes name things too, but did not resolve; and a checkpoint brings its own particles.
-    let whole = draft.start_checkpoint.is_none()
-        && draft.classes.iter().all(|class| class.item.is_some())
-        && draft.names.iter().filter(|(kind, ..)| *kind != "measure").count() == draft.feeds.len() + draft.parts.len();
-    if !whole {
+    if subject.report.has_errors() || draft.start_checkpoint.is_some() {
+        // What is broken may use it, and a checkpoint brings particles of its own.
         return;
     }
     for (index, class) in draft.classes.iter().enumerate() {
