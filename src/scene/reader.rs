@@ -245,7 +245,12 @@ impl<'a> Reader<'a> {
         if found.is_none() && !self.report.was_given(&join(section, name)) {
             let names: Vec<&str> = known.iter().map(String::as_str).collect();
             let what = if section == "particle" { "particle class" } else { section };
-            self.report.error("unknown-name", &node.place, format!("there is no {what} \"{name}\""), hint(name, &names));
+            self.report.error(
+                "unknown-name",
+                &node.place,
+                format!("there is no {what} \"{name}\""),
+                hint(name, &names),
+            );
         }
         found
     }

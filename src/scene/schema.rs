@@ -159,6 +159,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_good_scenes_use_every_key() {
+        // The reader asserts that it asks for no other key than these; this is the other direction.
+        let scenes = concat!(
+            include_str!("../../tests/scenes/good/everything.toml"),
+            include_str!("../../tests/scenes/good/plane.toml")
+        );
+        for (section, keys) in SECTIONS {
+            for key in *keys {
+                let words = scenes.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+                let used = words.map(crate::scene::quantity::base_of_key).any(|word| word == *key);
+                assert!(used, "no good scene uses `{key}` of [{section}]");
+            }
+        }
+    }
+
+    #[test]
     fn the_page_names_every_key() {
         let page = include_str!("../../docs/scene.md");
         for (section, keys) in SECTIONS {

@@ -79,13 +79,23 @@ impl Table {
         }
     }
 
-    /// True where it is the pair of the two materials joined in `name` by a hyphen.
+    /// The two materials of a pair.
+    fn between(&self) -> Option<(&str, &str)> {
+        let Some(Node { value: Value::Array(ends), .. }) = self.get("between") else { return None };
+        match ends.as_slice() {
+            [Node { value: Value::Text(a), .. }, Node { value: Value::Text(b), .. }] => Some((a, b)),
+            _ => None,
+        }
+    }
+
+    /// The two materials of a pair, joined by a hyphen.
+    fn pair(&self) -> Option<String> {
+        self.between().map(|(a, b)| format!("{a}-{b}"))
+    }
+
+    /// True where it is the pair that `name` joins by a hyphen, in either order.
     fn is_pair(&self, name: &str) -> bool {
-        let Some(Node { value: Value::Array(ends), .. }) = self.get("between") else { return false };
-        let [Node { value: Value::Text(a), .. }, Node { value: Value::Text(b), .. }] = ends.as_slice() else {
-            return false;
-        };
-        name == format!("{a}-{b}") || name == format!("{b}-{a}")
+        self.between().is_some_and(|(a, b)| name == format!("{a}-{b}") || name == format!("{b}-{a}"))
     }
 }
 
@@ -201,17 +211,15 @@ fn element(items: &[Node], step: &str) -> Option<usize> {
 }
 
 fn missing_element(items: &[Node], step: &str, path: &str) -> Refusal {
-    let names: Vec<&str> = items
-        .iter()
-        .filter_map(|item| match &item.value {
-            Value::Table(inner) => inner.name(),
-            _ => None,
-        })
-        .collect();
+    let named = |item: &Node| match &item.value {
+        Value::Table(inner) => inner.name().map(str::to_owned).or_else(|| inner.pair()),
+        _ => None,
+    };
+    let names: Vec<String> = items.iter().filter_map(named).collect();
     let known = if names.is_empty() {
         format!("elements go by their number from 0; there are {}", items.len())
     } else {
-        super::diagnostics::hint(step, &names)
+        super::diagnostics::hint(step, &names.iter().map(String::as_str).collect::<Vec<_>>())
     };
     (format!("`{path}` does not exist: nothing is called `{step}` there"), known)
 }

@@ -67,6 +67,12 @@ pub(super) fn placement(reader: &Reader<'_>) -> Placement {
 pub(super) fn stl(reader: &Reader<'_>, context: &Context<'_>) -> Option<(TriangleMesh, PathBuf)> {
     let name = reader.need_text("file", "shape.stl")?;
     let path = context.base.join(name);
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        // A device would be read for ever.
+        let what = format!("\"{name}\" is no file");
+        reader.report.error("stl-unreadable", &reader.place_of("file"), what, "name an ASCII or binary STL file");
+        return None;
+    }
     match read_stl(&path) {
         Ok(mesh) => Some((mesh, path)),
         Err(error) => {

@@ -133,7 +133,14 @@ fn file(reader: &Reader<'_>, context: &Context<'_>, number: usize) -> Option<Fee
     let name = reader.need_text("file", "start.csv")?;
     let materials: Vec<(String, Option<f64>)> =
         context.materials.iter().cloned().zip(context.densities.iter().copied()).collect();
-    match initial_state::read(&context.base.join(name), u32::try_from(number).ok()?, &materials) {
+    let path = context.base.join(name);
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        // A device would be read for ever.
+        let what = format!("\"{name}\" is no file");
+        reader.report.error("initial-state", &reader.place_of("file"), what, "name a CSV file");
+        return None;
+    }
+    match initial_state::read(&path, u32::try_from(number).ok()?, &materials) {
         Ok(particles) => Some(FeedKind::File { particles }),
         Err(InitialStateError::Unreadable { source, .. }) => {
             reader.report.error(
