@@ -50,6 +50,7 @@ pub struct WallPoint {
 #[derive(Debug, Clone)]
 struct Wall {
     name: String,
+    material: u16,
     shape: Shape,
     motion: Motion,
     is_static: bool,
@@ -100,6 +101,18 @@ impl Walls {
     /// Names of the parts, by index.
     pub fn part_names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.walls.iter().map(|wall| wall.name.as_str())
+    }
+
+    /// Material of a part.
+    #[must_use]
+    pub fn material(&self, part: u16) -> u16 {
+        self.walls[usize::from(part)].material
+    }
+
+    /// Angular velocity of a part [rad/s].
+    #[must_use]
+    pub fn spin(&self, part: u16) -> Vec3 {
+        self.walls[usize::from(part)].twist.spin
     }
 
     /// Velocity of the surface of a part at one of its points [m/s], with the unit normal of the surface there.
@@ -163,7 +176,7 @@ impl Walls {
     /// first; points come by part, within a part deepest first. Absent parts are skipped.
     ///
     /// Of each element the point closest to the centre counts; which of them are contacts of their own is decided by
-    /// [`footprint`], within each part alone: two parts that meet are two bodies, each with its own material.
+    /// the rule of `footprint.rs`, within each part alone: two parts that meet are two bodies, each with its own material.
     pub fn contacts(&self, candidates: &[Candidate], centre: &Vec3, radius: f64, found: &mut Vec<WallPoint>) {
         found.clear();
         for group in candidates.chunk_by(|a, b| a.part == b.part) {
@@ -196,6 +209,7 @@ impl Wall {
         };
         Self {
             name: part.name.clone(),
+            material: part.material,
             speed_bound: shape.motion_that_displaces(&part.motion).speed_bound(&shape.bounds()),
             shape,
             is_static: part.motion.is_static(),
