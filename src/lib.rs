@@ -11,7 +11,10 @@ pub mod analysis;
 pub mod backend;
 pub mod output;
 pub mod plan;
+pub mod report;
+pub mod run;
 pub mod scene;
+pub mod stage;
 // --- physics ground floor: no upward imports ---
 pub mod dem;
 pub mod geometry;

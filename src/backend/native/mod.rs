@@ -19,7 +19,9 @@ use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
 use crate::scene::Scene;
 use checkpoint_file::CheckpointFile;
-use end::{EndReason, EndWatch};
+use end::EndWatch;
+pub use end::EndReason;
+pub use series::mass_column;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -53,6 +55,8 @@ pub struct StageResult {
     pub time: f64,
     /// Time steps done since time 0.
     pub steps: u64,
+    /// Whether each part is there at the end.
+    pub present: Vec<bool>,
     /// Final particles, by ascending identity.
     pub particles: Vec<ParticleState>,
     /// Final pairs of particles in contact.
@@ -122,6 +126,12 @@ fn start(scene: &Scene, setup: Setup) -> Result<Simulation, BackendError> {
             Simulation::start_from(setup, &record).map_err(refuse)
         }
     }
+}
+
+/// One thread a processor core.
+#[must_use]
+pub fn default_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
 /// Whole time steps in an interval of plant time, at least one.
@@ -214,6 +224,7 @@ impl Driver {
             end,
             time: simulation.time(),
             steps: simulation.steps_done(),
+            present: (0..simulation.setup().parts.len()).map(|part| simulation.is_present(part as u16)).collect(),
             particles: simulation.particles(),
             contacts,
             wall_contacts,
