@@ -5,8 +5,10 @@
 //! ground floor: [`dem`], [`geometry`], [`particle`], [`material`], [`math`].
 #![forbid(unsafe_op_in_unsafe_fn)]
 
+pub mod analysis;
 pub mod exit_code;
 
+pub mod output;
 pub mod plan;
 pub mod scene;
 // --- physics ground floor: no upward imports ---
