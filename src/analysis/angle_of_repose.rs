@@ -83,8 +83,7 @@ pub fn angle_of_repose(
         .ok_or_else(|| Unmeasurable("no particle in the region of the heap".into()))?;
     let bin_width = BIN_OVER_DIAMETER * sizes.percentile(0.5).diameter;
     let profile = surface_profile(particles, region, along, bin_width);
-    let mut flanks: Vec<Flank> =
-        sides(&profile).iter().filter_map(|side| measure_flank(side, bin_width)).collect();
+    let mut flanks: Vec<Flank> = sides(&profile).iter().filter_map(|side| measure_flank(side, bin_width)).collect();
     let fall = |flank: &Flank| flank.upper.height - flank.lower.height;
     flanks.sort_by(|a, b| fall(b).total_cmp(&fall(a)));
     let Some(highest) = flanks.first().map(fall) else {
@@ -161,8 +160,7 @@ fn roughness(x: &[f64], h: &[f64], line: &Line) -> Option<f64> {
     let mut resampler = BlockBootstrap::new(count, block, SEED);
     let angles: Vec<f64> = (0..RESAMPLES)
         .filter_map(|_| {
-            let drawn: Vec<f64> =
-                resampler.draw().iter().zip(x).map(|(k, x)| line.at(*x) + residuals[*k]).collect();
+            let drawn: Vec<f64> = resampler.draw().iter().zip(x).map(|(k, x)| line.at(*x) + residuals[*k]).collect();
             theil_sen(x, &drawn).map(|line| line.slope.atan())
         })
         .collect();
@@ -275,7 +273,11 @@ mod tests {
     }
 
     /// Errors [deg] and errors over stated uncertainty of `seeds` heaps with a surface made for `angle` [deg].
-    fn errors(angle: f64, seeds: std::ops::Range<u64>, build: impl Fn(f64, &mut ChaCha8Rng) -> Vec<ParticleState>) -> Vec<[f64; 2]> {
+    fn errors(
+        angle: f64,
+        seeds: std::ops::Range<u64>,
+        build: impl Fn(f64, &mut ChaCha8Rng) -> Vec<ParticleState>,
+    ) -> Vec<[f64; 2]> {
         let tangent = angle.to_radians().tan();
         seeds
             .map(|seed| {
