@@ -7,6 +7,8 @@
 
 pub mod exit_code;
 
+pub mod verify;
+
 pub mod scene;
 // --- physics ground floor: no upward imports ---
 pub mod dem;
