@@ -1,4 +1,26 @@
 //! The native DEM solver.
+//!
+//! [`simulation`] holds the state and the order of a time step; [`step`] moves particles; [`pair_contacts`] and
+//! [`wall_contacts`] find forces through [`contact`] and the laws in [`law`]; [`neighborhood`] knows who is near whom.
 
+pub mod contact;
+pub mod energy;
 pub mod feed;
+pub mod inspect;
 pub mod law;
+mod leave;
+pub mod neighbor;
+pub mod neighborhood;
+pub mod observer;
+pub mod occupancy;
+pub mod pair_contacts;
+pub mod particles;
+pub mod phase;
+pub mod presence;
+pub mod removal;
+pub mod simulation;
+mod step;
+pub mod threads;
+pub mod wall;
+pub mod wall_contacts;
+pub mod watchdog;

@@ -1,4 +1,8 @@
 //! Parts of a plant: shapes, triangle meshes, STL files, and motion as a closed function of time.
 
+pub mod frustum;
+pub mod mesh;
 pub mod motion;
 pub mod part;
+pub mod tree;
+pub mod triangle;

@@ -35,10 +35,10 @@ impl Bounds {
     /// The smallest box that contains both.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
-        let mut result = *self;
-        result.include(&Vec3::from(other.minimum));
-        result.include(&Vec3::from(other.maximum));
-        result
+        Self {
+            minimum: std::array::from_fn(|axis| self.minimum[axis].min(other.minimum[axis])),
+            maximum: std::array::from_fn(|axis| self.maximum[axis].max(other.maximum[axis])),
+        }
     }
 
     /// The box grown by `margin` [m] on every side.

@@ -1,5 +1,19 @@
 //! Feeds: what brings particles into a scene.
 
+pub mod draw;
+pub mod fill;
+pub mod fresh;
+mod queue;
+pub mod region;
+pub mod report;
+pub mod runner;
+pub mod size;
+mod sphere_inside;
+pub mod stream;
+
+pub use report::{FeedReport, GradingRow, Shortfall};
+pub use runner::{FeedRunner, FeedRunnerState, Occupancy};
+
 use crate::geometry::part::TriangleMesh;
 use crate::math::Vec3;
 use crate::particle::ParticleState;

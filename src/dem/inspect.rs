@@ -1,0 +1,176 @@
+//! Looking at a simulation without changing it.
+
+use super::energy::EnergyBudget;
+use super::pair_contacts::{ContactScene, SeenContact, look};
+use super::particles::Path;
+use super::simulation::Simulation;
+use super::wall_contacts::{WallContact, look_at_walls};
+use crate::math::Vec3;
+use crate::particle::{ParticleId, ParticleState};
+
+/// The other body of a contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Partner {
+    /// A particle.
+    Particle(ParticleId),
+    /// A part and its triangle.
+    Part {
+        /// Part.
+        part: u16,
+        /// Triangle of the part; 0 where it has none.
+        element: u32,
+    },
+}
+
+/// A contact at the present time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactRecord {
+    /// Body i.
+    pub i: ParticleId,
+    /// Body j.
+    pub j: Partner,
+    /// Contact point [m].
+    pub point: Vec3,
+    /// Unit normal from i to j.
+    pub normal: Vec3,
+    /// Overlap [m].
+    pub overlap: f64,
+    /// Force on i [N].
+    pub force: Vec3,
+}
+
+impl Simulation {
+    /// All particles at the present time, by ascending identity.
+    #[must_use]
+    pub fn particles(&self) -> Vec<ParticleState> {
+        let mut states: Vec<ParticleState> =
+            (0..self.particles.len()).map(|index| self.particles.state(index)).collect();
+        states.sort_by_key(|state| state.id);
+        states
+    }
+
+    /// Number of particles.
+    #[must_use]
+    pub fn particle_count(&self) -> usize {
+        self.particles.len()
+    }
+
+    /// Root-mean-square speed of the centres [m/s].
+    #[must_use]
+    pub fn rms_speed(&self) -> f64 {
+        self.particles.rms_speed()
+    }
+
+    /// Force on particle `id` by its contacts at the last time step [N].
+    #[must_use]
+    pub fn contact_force(&self, id: ParticleId) -> Option<Vec3> {
+        let index = self.particles.ids.iter().position(|held| *held == id)?;
+        Some(self.particles.loads[index].force)
+    }
+
+    pub(super) fn contact_scene(&self) -> ContactScene<'_> {
+        ContactScene {
+            spheres: &self.particles.spheres,
+            velocities: &self.particles.velocities,
+            law: &self.law,
+            images: &self.neighborhood.images,
+            timestep: self.setup.timestep,
+            overlap_limit: self.setup.overlap_limit,
+            inertia_factor: self.setup.body.inertia_factor(),
+        }
+    }
+
+    /// Calls `visit` for every contact: (storage index of i, the other body, contact point [m], contact).
+    pub(super) fn for_each_contact(&self, mut visit: impl FnMut(usize, Partner, Vec3, &SeenContact)) {
+        let scene = self.contact_scene();
+        for chunk in &self.neighborhood.chunks {
+            for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
+                for row in 0..chunk.range.len() {
+                    let index = chunk.range.start + row;
+                    for entry in list.row(row) {
+                        let candidate = list.candidates[entry];
+                        // A pair of two chunks stands in both: seen from its lower index.
+                        if !both && (candidate.partner as usize) < index {
+                            continue;
+                        }
+                        if let Some(seen) = look(&scene, index, candidate, list.memory.get(entry)) {
+                            let partner = Partner::Particle(self.particles.ids[candidate.partner as usize]);
+                            let point = scene.spheres[index].position() + seen.touch.normal * seen.lever;
+                            visit(index, partner, point, &seen);
+                        }
+                    }
+                }
+            }
+            self.for_each_wall_contact(&scene, chunk.range.clone(), &chunk.wall_contacts, &mut visit);
+        }
+    }
+
+    fn for_each_wall_contact(
+        &self,
+        scene: &ContactScene,
+        range: std::ops::Range<usize>,
+        held: &[WallContact],
+        visit: &mut impl FnMut(usize, Partner, Vec3, &SeenContact),
+    ) {
+        for index in range.filter(|&index| scene.velocities[index].path == Path::Free) {
+            let from = held.partition_point(|contact| (contact.particle as usize) < index);
+            let to = held.partition_point(|contact| contact.particle as usize <= index);
+            look_at_walls(scene, &self.walls, index, &held[from..to], |point, seen| {
+                visit(index, Partner::Part { part: point.part, element: point.element }, point.point, seen);
+            });
+        }
+    }
+
+    /// All contacts at the present time, sorted.
+    #[must_use]
+    pub fn contacts(&self) -> Vec<ContactRecord> {
+        let mut records = Vec::new();
+        self.for_each_contact(|index, partner, point, seen| {
+            let id = self.particles.ids[index];
+            let mirrored = matches!(partner, Partner::Particle(other) if other < id);
+            let sign = if mirrored { -1.0 } else { 1.0 };
+            let (i, j) = match partner {
+                Partner::Particle(other) if mirrored => (other, Partner::Particle(id)),
+                _ => (id, partner),
+            };
+            records.push(ContactRecord {
+                i,
+                j,
+                point,
+                normal: seen.touch.normal * sign,
+                overlap: seen.touch.overlap,
+                force: seen.answer.force * sign,
+            });
+        });
+        records.sort_by(|a, b| (a.i, a.j).cmp(&(b.i, b.j)));
+        records
+    }
+
+    /// The energy budget at the present time. Losses are in it where they are accounted for.
+    #[must_use]
+    pub fn energy(&self) -> EnergyBudget {
+        let mut budget = self.booked;
+        let factor = self.setup.body.inertia_factor();
+        for index in 0..self.particles.len() {
+            let velocity = &self.particles.velocities[index];
+            if velocity.path != Path::Free {
+                continue;
+            }
+            let (mass, sphere) = (self.particles.mass(index), &self.particles.spheres[index]);
+            budget.kinetic += 0.5 * mass * Vec3::from(velocity.linear).norm_squared();
+            let inertia = factor * mass * sphere.radius * sphere.radius;
+            budget.rotational += 0.5 * inertia * Vec3::from(velocity.angular).norm_squared();
+            budget.gravitational -= mass * self.setup.gravity.dot(&sphere.position());
+        }
+        self.for_each_contact(|_, _, _, seen| budget.elastic += seen.elastic_energy);
+        budget
+    }
+
+    /// Energy of motion and height of a particle [J].
+    pub(super) fn mechanical_energy_of(&self, state: &ParticleState) -> f64 {
+        let mass = self.setup.body.mass(state.radius, state.density);
+        let inertia = self.setup.body.inertia_factor() * mass * state.radius * state.radius;
+        0.5 * mass * state.velocity.norm_squared() + 0.5 * inertia * state.spin.norm_squared()
+            - mass * self.setup.gravity.dot(&state.position)
+    }
+}

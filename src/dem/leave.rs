@@ -1,0 +1,56 @@
+//! Particles that leave the domain, or are taken out.
+
+use super::removal::{Removal, RemovalCause};
+use super::simulation::Simulation;
+use crate::particle::ParticleId;
+use std::collections::HashSet;
+
+impl Simulation {
+    /// Removes the particles whose centre has left the domain.
+    pub(super) fn remove_leavers(&mut self) {
+        let leavers: Vec<(usize, RemovalCause)> =
+            (0..self.particles.len()).filter_map(|index| Some((index, self.border_crossed(index)?))).collect();
+        if !leavers.is_empty() {
+            self.remove(&leavers);
+        }
+    }
+
+    /// Removes particles by identity; unknown ones are ignored.
+    pub fn remove_particles(&mut self, ids: &[ParticleId]) {
+        let wanted: HashSet<ParticleId> = ids.iter().copied().collect();
+        let found: Vec<(usize, RemovalCause)> = (0..self.particles.len())
+            .filter(|&index| wanted.contains(&self.particles.ids[index]))
+            .map(|index| (index, RemovalCause::Asked))
+            .collect();
+        if !found.is_empty() {
+            self.remove(&found);
+        }
+    }
+
+    fn border_crossed(&self, index: usize) -> Option<RemovalCause> {
+        let centre = &self.particles.spheres[index].centre;
+        let domain = &self.setup.domain;
+        (0..3).filter(|&axis| !self.setup.periodic[axis]).find_map(|axis| {
+            let below = centre[axis] < domain.minimum[axis];
+            let above = centre[axis] > domain.maximum[axis];
+            (below || above).then(|| RemovalCause::border(axis, above))
+        })
+    }
+
+    fn remove(&mut self, leavers: &[(usize, RemovalCause)]) {
+        let time = self.time();
+        for &(index, cause) in leavers {
+            let state = self.particles.state(index);
+            self.booked.removed += self.mechanical_energy_of(&state);
+            self.removed.push(Removal {
+                id: state.id,
+                mass: self.particles.mass(index),
+                time,
+                position: state.position.into(),
+                cause,
+            });
+        }
+        let gone: HashSet<usize> = leavers.iter().map(|(index, _)| *index).collect();
+        self.retain(|index| !gone.contains(&index));
+    }
+}

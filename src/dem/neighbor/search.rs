@@ -1,0 +1,102 @@
+//! The search for candidate pairs.
+
+use super::cells::CellLevels;
+use super::list::{Candidate, Images, NO_IMAGE, OuterList};
+use crate::dem::particles::Sphere;
+use std::ops::Range;
+
+/// Candidates of one chunk: `own` pairs lie within the chunk and stand once, `cross` pairs reach into another chunk and stand
+/// in both chunks, each of which computes the load on its own particle only.
+#[derive(Debug, Clone, Default)]
+pub struct ChunkCandidates {
+    /// Pairs within the chunk, in the row of one of the two.
+    pub own: OuterList,
+    /// Pairs with particles of other chunks.
+    pub cross: OuterList,
+}
+
+/// A pair as found: from the particle of the finer level (or the lower index) to the other.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    from: u32,
+    to: u32,
+    image: u32,
+}
+
+/// Pairs that one chunk's particles found.
+#[derive(Debug, Default)]
+struct Found {
+    own: Vec<Pair>,
+    cross: Vec<Pair>,
+}
+
+/// All pairs within `skin` [m] of contact, chunk by chunk.
+pub fn find_candidates(
+    spheres: &[Sphere],
+    cells: &CellLevels,
+    chunks: &[Range<usize>],
+    skin: f64,
+    pool: &crate::dem::threads::Threads,
+) -> Vec<ChunkCandidates> {
+    let found: Vec<Found> = pool.map(chunks.len(), |chunk| find_from(spheres, cells, &chunks[chunk], skin));
+    pool.map(chunks.len(), |chunk| {
+        let range = &chunks[chunk];
+        let own = rows(range, found[chunk].own.iter().map(|pair| (pair.from, pair.to, pair.image)));
+        let mut cross: Vec<(u32, u32, u32)> = Vec::new();
+        for pair in found.iter().flat_map(|found| &found.cross) {
+            if range.contains(&(pair.from as usize)) {
+                cross.push((pair.from, pair.to, pair.image));
+            } else if range.contains(&(pair.to as usize)) {
+                cross.push((pair.to, pair.from, Images::opposite(pair.image)));
+            }
+        }
+        ChunkCandidates { own, cross: rows(range, cross.into_iter()) }
+    })
+}
+
+fn find_from(spheres: &[Sphere], cells: &CellLevels, range: &Range<usize>, skin: f64) -> Found {
+    let mut found = Found::default();
+    for index in range.clone() {
+        let own = &spheres[index];
+        let position = own.position();
+        let level = usize::from(cells.level[index]);
+        for (number, grid) in cells.grids.iter().enumerate().skip(level) {
+            let reach = own.radius + grid.largest_radius + skin;
+            grid.for_each_near(&position, reach, |member, shift| {
+                if number == level && member as usize <= index {
+                    return;
+                }
+                let other = &spheres[member as usize];
+                let image = Images::index(shift);
+                let mut distance = other.position() - position;
+                if image != NO_IMAGE {
+                    distance += grid.image_offset(shift);
+                }
+                let reach = own.radius + other.radius + skin;
+                if distance.norm_squared() < reach * reach {
+                    let pair = Pair { from: index as u32, to: member, image };
+                    let list = if range.contains(&(member as usize)) { &mut found.own } else { &mut found.cross };
+                    list.push(pair);
+                }
+            });
+        }
+    }
+    found
+}
+
+/// Sorts (particle, partner, image) into rows, keeping the order within a row.
+fn rows(range: &Range<usize>, pairs: impl Iterator<Item = (u32, u32, u32)> + Clone) -> OuterList {
+    let first = range.start as u32;
+    let mut start = vec![0_u32; range.len() + 1];
+    pairs.clone().for_each(|(particle, ..)| start[(particle - first) as usize + 1] += 1);
+    (0..range.len()).for_each(|row| start[row + 1] += start[row]);
+    let mut next = start.clone();
+    let blank = Candidate { partner: 0, image: NO_IMAGE };
+    let mut candidates = vec![blank; start[range.len()] as usize];
+    for (particle, partner, image) in pairs {
+        let slot = &mut next[(particle - first) as usize];
+        candidates[*slot as usize] = Candidate { partner, image };
+        *slot += 1;
+    }
+    OuterList { start, candidates }
+}

@@ -1,0 +1,341 @@
+//! The solver's knowledge of who is near whom, and when it must be renewed.
+
+use super::energy::Tally;
+use super::neighbor::cells::CellLevels;
+use super::neighbor::chunks::chunk_ranges;
+use super::neighbor::history::HeldMemory;
+use super::neighbor::list::{Images, InnerList, Memory};
+use super::neighbor::search::{ChunkCandidates, find_candidates};
+use super::pair_contacts::ContactScene;
+use super::particles::{Particles, Sphere};
+use super::simulation::{KernelTerms, Simulation};
+use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
+use crate::math::{Bounds, Vec3};
+use std::ops::Range;
+use std::time::Instant;
+
+/// One fixed piece of work: a run of particles with their pairs and contacts.
+#[derive(Debug, Default)]
+pub struct Chunk {
+    /// Its particles, by storage index.
+    pub range: Range<usize>,
+    /// Pairs within the outer skin.
+    pub candidates: ChunkCandidates,
+    /// Pairs within the chunk that the kernel walks.
+    pub own: InnerList,
+    /// Pairs with other chunks that the kernel walks.
+    pub cross: InnerList,
+    /// Elements of parts near its particles.
+    pub near_walls: WallCandidates,
+    /// Contacts with parts.
+    pub wall_contacts: Vec<WallContact>,
+    /// Scratch lists.
+    pub scratch: Scratch,
+    /// What its contacts took in this time step.
+    pub tally: Tally,
+    /// What its particles do to each part.
+    pub part_loads: Vec<PartLoad>,
+}
+
+/// Chunks, cells, and how far the particles have moved since they were made.
+#[derive(Debug)]
+pub struct Neighborhood {
+    /// The chunks, in storage order.
+    pub chunks: Vec<Chunk>,
+    /// Periodic images.
+    pub images: Images,
+    cells: CellLevels,
+    domain: Bounds,
+    periodic: [bool; 3],
+    remembers: bool,
+    outer_skin: f64,
+    inner_skin: f64,
+    /// Centres when the outer list was made.
+    pub(super) outer_reference: Vec<[f64; 3]>,
+    /// Centres when the inner list was made.
+    pub(super) inner_reference: Vec<[f64; 3]>,
+    /// Smallest radius [m]; infinite without particles.
+    smallest_radius: f64,
+    /// Upper bounds on how far any particle has moved [m].
+    moved_since_outer: f64,
+    moved_since_inner: f64,
+    /// Upper bound on the approach of particles and parts since their candidates were collected [m].
+    approached_walls: f64,
+}
+
+/// Share of the outer skin that the inner list keeps: between 0.02 and 0.1 of a diameter no effect on speed was seen.
+const INNER_SHARE: f64 = 0.2;
+/// Share of the inner skin used up at which a list is renewed rather than measured again.
+const RENEW_SHARE: f64 = 0.5;
+
+impl Neighborhood {
+    /// Nothing known yet.
+    #[must_use]
+    pub fn new(skin: f64, domain: Bounds, periodic: [bool; 3], terms: KernelTerms) -> Self {
+        Self {
+            chunks: Vec::new(),
+            images: Images::new(&domain.size()),
+            cells: CellLevels::default(),
+            domain,
+            periodic,
+            remembers: terms.friction || terms.rolling,
+            outer_skin: skin,
+            inner_skin: INNER_SHARE * skin,
+            outer_reference: Vec::new(),
+            inner_reference: Vec::new(),
+            smallest_radius: f64::INFINITY,
+            moved_since_outer: 0.0,
+            moved_since_inner: 0.0,
+            approached_walls: 0.0,
+        }
+    }
+
+    /// Books one time step: no particle moved farther than `particles` [m], no part's surface farther than `parts` [m].
+    pub fn note_motion(&mut self, particles: f64, parts: f64) {
+        self.moved_since_outer += particles;
+        self.moved_since_inner += particles;
+        self.approached_walls += particles + parts;
+    }
+
+    /// Calls `visit(member, image offset)` for particles whose present distance to `position` may be below `radius` + theirs.
+    pub fn for_each_near(&self, position: &Vec3, radius: f64, mut visit: impl FnMut(u32, Vec3)) {
+        for grid in &self.cells.grids {
+            let reach = radius + grid.largest_radius + self.moved_since_outer;
+            grid.for_each_near(position, reach, |member, shift| visit(member, grid.image_offset(shift)));
+        }
+    }
+
+    /// Smallest radius [m]; infinite without particles.
+    #[must_use]
+    pub const fn smallest_radius(&self) -> f64 {
+        self.smallest_radius
+    }
+
+    /// The order of storage: level by level, cell by cell.
+    fn storage_order(&self, spheres: &[Sphere]) -> Vec<u32> {
+        let cells = CellLevels::new(spheres, self.outer_skin, &self.domain, self.periodic);
+        if let [only] = cells.grids.as_slice() {
+            return only.in_cell_order().to_vec();
+        }
+        // Mixed sizes: sort by the cells of the finest level's grid laid over all particles, so that neighbours of any size
+        // lie close.
+        let all: Vec<u32> = (0..spheres.len() as u32).collect();
+        let edge = cells.grids.first().map_or(1.0, |grid| 2.0 * grid.largest_radius + self.outer_skin);
+        super::neighbor::cells::CellGrid::new(spheres, &all, edge, &self.domain, self.periodic).in_cell_order().to_vec()
+    }
+
+    /// Makes both lists anew for particles in their final order; `old_index[new]` says where a particle stood in the lists that
+    /// `held` was gathered from.
+    fn make_lists(
+        &mut self,
+        spheres: &[Sphere],
+        old_index: &[u32],
+        held: &HeldMemory,
+        threads: &super::threads::Threads,
+    ) {
+        self.cells = CellLevels::new(spheres, self.outer_skin, &self.domain, self.periodic);
+        let ranges = chunk_ranges(spheres.len());
+        let found = find_candidates(spheres, &self.cells, &ranges, self.outer_skin, threads);
+        self.chunks = ranges
+            .into_iter()
+            .zip(found)
+            .map(|(range, candidates)| Chunk { range, candidates, ..Chunk::default() })
+            .collect();
+        self.outer_reference = spheres.iter().map(|sphere| sphere.centre).collect();
+        self.smallest_radius = spheres.iter().map(|sphere| sphere.radius).fold(f64::INFINITY, f64::min);
+        self.moved_since_outer = 0.0;
+        self.prune_with(spheres, threads, |chunk, row, candidate| {
+            held.of(old_index[chunk.range.start + row], old_index[candidate.partner as usize])
+        });
+    }
+
+    fn prune_with(
+        &mut self,
+        spheres: &[Sphere],
+        threads: &super::threads::Threads,
+        recall: impl Fn(&Chunk, usize, super::neighbor::list::Candidate) -> Memory + Sync,
+    ) {
+        let (skin, remembers, images) = (self.inner_skin, self.remembers, &self.images);
+        let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
+        threads.for_each(chunks, |chunk| {
+            let ask = |row, candidate| remembers.then(|| recall(chunk, row, candidate));
+            let own = chunk.candidates.own.pruned(spheres, images, chunk.range.start, skin, ask);
+            let cross = chunk.candidates.cross.pruned(spheres, images, chunk.range.start, skin, ask);
+            (chunk.own, chunk.cross) = (own, cross);
+        });
+        self.inner_reference = spheres.iter().map(|sphere| sphere.centre).collect();
+        self.moved_since_inner = 0.0;
+    }
+
+    fn prune(&mut self, spheres: &[Sphere], threads: &super::threads::Threads) {
+        let (skin, remembers, images) = (self.inner_skin, self.remembers, &self.images);
+        let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
+        threads.for_each(chunks, |chunk| {
+            let first = chunk.range.start;
+            let own = chunk.candidates.own.pruned(spheres, images, first, skin, chunk.own.recall_in_order(remembers));
+            let cross =
+                chunk.candidates.cross.pruned(spheres, images, first, skin, chunk.cross.recall_in_order(remembers));
+            (chunk.own, chunk.cross) = (own, cross);
+        });
+        self.inner_reference = spheres.iter().map(|sphere| sphere.centre).collect();
+        self.moved_since_inner = 0.0;
+    }
+
+    fn gather_memory(&self, count: usize) -> HeldMemory {
+        HeldMemory::gather(count, self.chunks.iter().map(|chunk| (&chunk.range, &chunk.own, &chunk.cross)))
+    }
+
+    /// What the checkpoint needs besides the reference centres, in order: (moved since outer, since inner, towards walls) [m].
+    #[must_use]
+    pub(super) fn motion_bounds(&self) -> [f64; 3] {
+        [self.moved_since_outer, self.moved_since_inner, self.approached_walls]
+    }
+
+    /// Makes the lists that a checkpoint was taken with: cells and outer list at its outer reference centres, inner list at its
+    /// inner ones, without memory.
+    pub(super) fn restore(
+        &mut self,
+        particles: &Particles,
+        outer_reference: Vec<[f64; 3]>,
+        inner_reference: Vec<[f64; 3]>,
+        bounds: [f64; 3],
+        threads: &super::threads::Threads,
+    ) {
+        let placed = |centres: &[[f64; 3]]| -> Vec<Sphere> {
+            particles.spheres.iter().zip(centres).map(|(s, c)| Sphere { centre: *c, radius: s.radius }).collect()
+        };
+        let order: Vec<u32> = (0..particles.len() as u32).collect();
+        self.make_lists(&placed(&outer_reference), &order, &HeldMemory::default(), threads);
+        self.prune_with(&placed(&inner_reference), threads, |_, _, _| Memory::NONE);
+        [self.moved_since_outer, self.moved_since_inner, self.approached_walls] = bounds;
+    }
+}
+
+/// Largest distance between where the particles are and where they were [m].
+fn largest_displacement(spheres: &[Sphere], reference: &[[f64; 3]]) -> f64 {
+    let square = spheres
+        .iter()
+        .zip(reference)
+        .map(|(sphere, old)| (sphere.position() - Vec3::from(*old)).norm_squared())
+        .fold(0.0, f64::max);
+    square.sqrt()
+}
+
+impl Simulation {
+    /// Renews what has become too old, after the particles moved and before contacts are computed.
+    pub(super) fn refresh_neighborhood(&mut self) {
+        let started = Instant::now();
+        let neighborhood = &mut self.neighborhood;
+        if 2.0 * neighborhood.moved_since_inner > neighborhood.inner_skin {
+            let spheres = &self.particles.spheres;
+            let moved = largest_displacement(spheres, &neighborhood.inner_reference);
+            neighborhood.moved_since_inner = moved;
+            if 2.0 * moved > RENEW_SHARE * neighborhood.inner_skin {
+                let far = largest_displacement(spheres, &neighborhood.outer_reference);
+                neighborhood.moved_since_outer = far;
+                if 2.0 * far + neighborhood.inner_skin > neighborhood.outer_skin {
+                    self.rebuild_neighborhood();
+                } else {
+                    neighborhood.prune(spheres, &self.threads);
+                }
+            }
+        }
+        if self.neighborhood.approached_walls > self.neighborhood.outer_skin {
+            self.collect_wall_candidates();
+        }
+        self.phases.neighborhood += started.elapsed();
+    }
+
+    /// Sorts the particles into storage order and makes every list anew, contact memories kept.
+    pub(super) fn rebuild_neighborhood(&mut self) {
+        self.wrap_periodic();
+        let count = self.particles.len();
+        // Newcomers stand at the end of the list: no memory is held for them.
+        let held = self.neighborhood.gather_memory(count);
+        let order = self.neighborhood.storage_order(&self.particles.spheres);
+        self.particles.reorder(&order);
+        let walls = self.take_wall_contacts(&order);
+        self.neighborhood.make_lists(&self.particles.spheres, &order, &held, &self.threads);
+        self.give_wall_contacts(walls);
+        self.collect_wall_candidates();
+    }
+
+    /// Drops the particles that `keep` refuses, and makes every list anew.
+    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let count = self.particles.len();
+        let held = self.neighborhood.gather_memory(count);
+        let kept: Vec<u32> = (0..count as u32).filter(|&index| keep(index as usize)).collect();
+        self.particles.reorder(&kept);
+        self.wrap_periodic();
+        let order = self.neighborhood.storage_order(&self.particles.spheres);
+        self.particles.reorder(&order);
+        let from_old: Vec<u32> = order.iter().map(|&index| kept[index as usize]).collect();
+        let walls = self.take_wall_contacts(&from_old);
+        self.neighborhood.make_lists(&self.particles.spheres, &from_old, &held, &self.threads);
+        self.give_wall_contacts(walls);
+        self.collect_wall_candidates();
+    }
+
+    fn wrap_periodic(&mut self) {
+        let (domain, periodic) = (self.setup.domain, self.setup.periodic);
+        if periodic == [false; 3] {
+            return;
+        }
+        for sphere in &mut self.particles.spheres {
+            for axis in (0..3).filter(|&axis| periodic[axis]) {
+                let length = domain.maximum[axis] - domain.minimum[axis];
+                let turns = ((sphere.centre[axis] - domain.minimum[axis]) / length).floor();
+                sphere.centre[axis] -= turns * length;
+            }
+        }
+    }
+
+    /// All contacts with parts, renumbered: `old_index[new] = old`. Sorted by the new numbers.
+    fn take_wall_contacts(&mut self, old_index: &[u32]) -> Vec<WallContact> {
+        let mut new_index = vec![u32::MAX; old_index.iter().map(|&old| old as usize + 1).max().unwrap_or(0)];
+        old_index.iter().enumerate().for_each(|(new, &old)| new_index[old as usize] = new as u32);
+        let mut contacts: Vec<WallContact> = Vec::new();
+        for chunk in &mut self.neighborhood.chunks {
+            for mut contact in chunk.wall_contacts.drain(..) {
+                if let Some(&new) = new_index.get(contact.particle as usize).filter(|&&new| new != u32::MAX) {
+                    contact.particle = new;
+                    contacts.push(contact);
+                }
+            }
+        }
+        contacts.sort_by_key(|contact| contact.particle);
+        contacts
+    }
+
+    pub(super) fn give_wall_contacts(&mut self, contacts: Vec<WallContact>) {
+        let parts = self.setup.parts.len();
+        let mut contacts = contacts.into_iter().peekable();
+        for chunk in &mut self.neighborhood.chunks {
+            let end = chunk.range.end as u32;
+            while let Some(contact) = contacts.next_if(|contact| contact.particle < end) {
+                chunk.wall_contacts.push(contact);
+            }
+            chunk.part_loads = vec![PartLoad::default(); parts];
+        }
+    }
+
+    /// Collects the elements of parts near each particle.
+    pub(super) fn collect_wall_candidates(&mut self) {
+        let skin = self.neighborhood.outer_skin;
+        let scene = ContactScene {
+            spheres: &self.particles.spheres,
+            velocities: &self.particles.velocities,
+            law: &self.law,
+            images: &self.neighborhood.images,
+            timestep: self.setup.timestep,
+            overlap_limit: self.setup.overlap_limit,
+            inertia_factor: self.setup.body.inertia_factor(),
+        };
+        let walls = &self.walls;
+        let chunks: Vec<&mut Chunk> = self.neighborhood.chunks.iter_mut().collect();
+        self.threads.for_each(chunks, |chunk| {
+            chunk.near_walls = WallCandidates::collect(&scene, walls, chunk.range.clone(), skin);
+        });
+        self.neighborhood.approached_walls = 0.0;
+    }
+}

@@ -1,0 +1,61 @@
+//! Looking at, and steering, a simulation after every time step; particles on prescribed paths.
+
+use super::particles::Path;
+use super::simulation::Simulation;
+use super::watchdog::Stop;
+use crate::math::Vec3;
+use crate::particle::ParticleId;
+
+/// Is called after every time step, in the order in which observers were given.
+pub trait StepObserver {
+    /// Looks at the simulation, and may insert, remove, prescribe and release particles.
+    ///
+    /// # Errors
+    /// To end the run.
+    fn observe(&mut self, simulation: &mut Simulation) -> Result<(), Stop>;
+}
+
+impl Simulation {
+    /// Puts a particle on a prescribed path, or frees it (`Path::Free`). Returns false where there is no such particle.
+    ///
+    /// A prescribed particle acts on others with its true mass in the pair law and is not acted upon.
+    pub fn prescribe(&mut self, id: ParticleId, path: Path) -> bool {
+        let Some(index) = self.particles.ids.iter().position(|held| *held == id) else { return false };
+        let state = self.particles.state(index);
+        let mechanical = self.mechanical_energy_of(&state);
+        let was_free = self.particles.velocities[index].path == Path::Free;
+        // A prescribed particle's own energy is outside of the budget.
+        match (was_free, path == Path::Free) {
+            (true, false) => self.booked.removed += mechanical,
+            (false, true) => self.booked.inserted += mechanical,
+            _ => {}
+        }
+        self.particles.velocities[index].path = path;
+        let acceleration = &mut self.particles.accelerations[index];
+        acceleration.angular = Vec3::zeros();
+        acceleration.linear = if path == Path::Constant { Vec3::zeros() } else { self.setup.gravity };
+        if path == Path::Free {
+            let load = self.particles.loads[index];
+            let radius = self.particles.spheres[index].radius;
+            let inverse_mass = self.particles.velocities[index].inverse_mass;
+            acceleration.linear += load.force * inverse_mass;
+            acceleration.angular = load.torque * (inverse_mass / (self.setup.body.inertia_factor() * radius * radius));
+        }
+        self.watchdog.expect_new_energy();
+        true
+    }
+
+    /// Sets place [m], velocity [m/s] and spin [rad/s] of a prescribed particle. Returns false where there is no such particle.
+    pub fn place_prescribed(&mut self, id: ParticleId, position: Vec3, velocity: Vec3, spin: Vec3) -> bool {
+        let Some(index) = self.particles.ids.iter().position(|held| *held == id) else { return false };
+        if self.particles.velocities[index].path == Path::Free {
+            return false;
+        }
+        let moved = (position - self.particles.spheres[index].position()).norm();
+        self.particles.spheres[index].centre = position.into();
+        self.particles.velocities[index].linear = velocity.into();
+        self.particles.velocities[index].angular = spin.into();
+        self.neighborhood.note_motion(moved, 0.0);
+        true
+    }
+}

@@ -1,0 +1,175 @@
+//! Storage of the particles: records in the order of the cells, so that neighbours lie close in memory.
+
+use crate::math::{Vec3, vec3};
+use crate::particle::{Body, ParticleId, ParticleState};
+
+/// Centre [m] and radius [m]: all that the search for contacts reads.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(32))]
+pub struct Sphere {
+    /// Centre [m].
+    pub centre: [f64; 3],
+    /// Radius [m].
+    pub radius: f64,
+}
+
+impl Sphere {
+    /// Centre as a vector [m].
+    #[inline(always)]
+    #[must_use]
+    pub fn position(&self) -> Vec3 {
+        Vec3::from(self.centre)
+    }
+}
+
+/// Velocities, and what else the contact kernel needs of a particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub struct Velocity {
+    /// Velocity of the centre [m/s].
+    pub linear: [f64; 3],
+    /// 1/m [1/kg].
+    pub inverse_mass: f64,
+    /// Spin [rad/s].
+    pub angular: [f64; 3],
+    /// Material.
+    pub material: u32,
+    /// How the particle moves.
+    pub path: Path,
+}
+
+/// How a particle moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Path {
+    /// By the forces on it.
+    Free = 0,
+    /// Prescribed: constant velocity and spin. It acts on others and is not acted upon.
+    Constant = 1,
+    /// Prescribed: free fall.
+    Ballistic = 2,
+}
+
+impl Path {
+    /// The path of a stored number.
+    #[must_use]
+    pub const fn from_number(number: u8) -> Option<Self> {
+        match number {
+            0 => Some(Self::Free),
+            1 => Some(Self::Constant),
+            2 => Some(Self::Ballistic),
+            _ => None,
+        }
+    }
+}
+
+/// Force and torque on a particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub struct Load {
+    /// Force [N].
+    pub force: Vec3,
+    /// Torque about the centre [N m].
+    pub torque: Vec3,
+}
+
+impl Load {
+    /// No load.
+    pub const ZERO: Self = Self { force: vec3(0.0, 0.0, 0.0), torque: vec3(0.0, 0.0, 0.0) };
+}
+
+/// Acceleration of a particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Acceleration {
+    /// Of the centre [m/s2].
+    pub linear: Vec3,
+    /// Of the spin [rad/s2].
+    pub angular: Vec3,
+}
+
+/// All particles, in storage order. Every list has the same length.
+#[derive(Debug, Clone, Default)]
+pub struct Particles {
+    /// Centres and radii.
+    pub spheres: Vec<Sphere>,
+    /// Velocities at the present time; within a time step, those the contact laws see.
+    pub velocities: Vec<Velocity>,
+    /// Present loads.
+    pub loads: Vec<Load>,
+    /// Accelerations at the last full step.
+    pub accelerations: Vec<Acceleration>,
+    /// Identities.
+    pub ids: Vec<ParticleId>,
+    /// Particle densities [kg/m3].
+    pub densities: Vec<f64>,
+}
+
+impl Particles {
+    /// Number of particles.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// True where there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    /// Adds a free particle.
+    pub fn push(&mut self, state: &ParticleState, body: Body) {
+        self.spheres.push(Sphere { centre: state.position.into(), radius: state.radius });
+        self.velocities.push(Velocity {
+            linear: state.velocity.into(),
+            inverse_mass: 1.0 / body.mass(state.radius, state.density),
+            angular: state.spin.into(),
+            material: u32::from(state.material),
+            path: Path::Free,
+        });
+        self.loads.push(Load::ZERO);
+        self.accelerations.push(Acceleration { linear: Vec3::zeros(), angular: Vec3::zeros() });
+        self.ids.push(state.id);
+        self.densities.push(state.density);
+    }
+
+    /// Particle number `index` as others see it.
+    #[must_use]
+    pub fn state(&self, index: usize) -> ParticleState {
+        ParticleState {
+            id: self.ids[index],
+            material: self.velocities[index].material as u16,
+            radius: self.spheres[index].radius,
+            density: self.densities[index],
+            position: self.spheres[index].position(),
+            velocity: Vec3::from(self.velocities[index].linear),
+            spin: Vec3::from(self.velocities[index].angular),
+        }
+    }
+
+    /// Puts the particles into a new order, `order[new] = old`; drops those that `order` does not name.
+    pub fn reorder(&mut self, order: &[u32]) {
+        fn pick<T: Copy>(list: &mut Vec<T>, order: &[u32]) {
+            *list = order.iter().map(|&old| list[old as usize]).collect();
+        }
+        pick(&mut self.spheres, order);
+        pick(&mut self.velocities, order);
+        pick(&mut self.loads, order);
+        pick(&mut self.accelerations, order);
+        pick(&mut self.ids, order);
+        pick(&mut self.densities, order);
+    }
+
+    /// Root-mean-square speed of the centres [m/s]; 0 without particles.
+    #[must_use]
+    pub fn rms_speed(&self) -> f64 {
+        let sum: f64 = self.velocities.iter().map(|velocity| Vec3::from(velocity.linear).norm_squared()).sum();
+        if self.is_empty() { 0.0 } else { (sum / self.len() as f64).sqrt() }
+    }
+
+    /// Mass of particle `index` [kg].
+    #[must_use]
+    pub fn mass(&self, index: usize) -> f64 {
+        1.0 / self.velocities[index].inverse_mass
+    }
+}

@@ -1,0 +1,54 @@
+//! Particles that leave a run, counted by cause.
+
+use crate::particle::ParticleId;
+use serde::{Deserialize, Serialize};
+
+/// A particle that left.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Removal {
+    /// Which.
+    pub id: ParticleId,
+    /// Mass [kg].
+    pub mass: f64,
+    /// Plant time [s].
+    pub time: f64,
+    /// Last position [m].
+    pub position: [f64; 3],
+    /// Why.
+    pub cause: RemovalCause,
+}
+
+/// Why a particle left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RemovalCause {
+    /// Through the domain's lower x border.
+    LowerX,
+    /// Through the domain's upper x border.
+    UpperX,
+    /// Through the domain's lower y border.
+    LowerY,
+    /// Through the domain's upper y border.
+    UpperY,
+    /// Through the domain's lower z border.
+    LowerZ,
+    /// Through the domain's upper z border.
+    UpperZ,
+    /// An observer asked for it.
+    Asked,
+}
+
+impl RemovalCause {
+    /// The border of `axis` that was crossed.
+    #[must_use]
+    pub const fn border(axis: usize, upper: bool) -> Self {
+        match (axis, upper) {
+            (0, false) => Self::LowerX,
+            (0, true) => Self::UpperX,
+            (1, false) => Self::LowerY,
+            (1, true) => Self::UpperY,
+            (_, false) => Self::LowerZ,
+            (_, true) => Self::UpperZ,
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! A running simulation: its state, and the order in which a time step happens.
+
+use super::energy::EnergyBudget;
+use super::feed::Feed;
+use super::feed::runner::FeedRunner;
+use super::law::constants::LawTable;
+use super::law::{LawSettings, RollingLaw};
+use super::neighborhood::Neighborhood;
+use super::particles::Particles;
+use super::presence::{PartEvent, Presence};
+use super::removal::Removal;
+use super::threads::Threads;
+use super::wall::Walls;
+use super::wall_contacts::PartLoad;
+use super::watchdog::{Stop, Watchdog};
+use crate::geometry::part::Part;
+use crate::material::MaterialTable;
+use crate::math::{Bounds, Vec3};
+use crate::particle::{Body, ParticleClass, ParticleState};
+
+/// Everything a simulation is made from; SI units.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// Spheres, or discs in the plane y = 0.
+    pub body: Body,
+    /// Gravity [m/s2].
+    pub gravity: Vec3,
+    /// Particles whose centre leaves it are removed.
+    pub domain: Bounds,
+    /// Axes along which the domain repeats.
+    pub periodic: [bool; 3],
+    /// Materials and pairs.
+    pub materials: MaterialTable,
+    /// Contact laws.
+    pub law: LawSettings,
+    /// Particle classes of the feeds.
+    pub classes: Vec<ParticleClass>,
+    /// Feeds.
+    pub feeds: Vec<Feed>,
+    /// Parts.
+    pub parts: Vec<Part>,
+    /// Seed of the feeds' draws.
+    pub seed: u64,
+    /// Time step [s].
+    pub timestep: f64,
+    /// Neighbour skin [m].
+    pub skin: f64,
+    /// Largest overlap over the smaller radius that the watchdog allows [-].
+    pub overlap_limit: f64,
+    /// Whether losses are accounted for.
+    pub energy: bool,
+    /// Number of threads; changes no bit of the result.
+    pub threads: usize,
+}
+
+/// Which terms the contact kernel computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct KernelTerms {
+    /// Tangential forces.
+    pub friction: bool,
+    /// Rolling resistance.
+    pub rolling: bool,
+    /// Losses.
+    pub energy: bool,
+}
+
+/// A running simulation.
+#[derive(Debug)]
+pub struct Simulation {
+    pub(super) setup: Setup,
+    pub(super) law: LawTable,
+    pub(super) terms: KernelTerms,
+    pub(super) threads: Threads,
+    pub(super) particles: Particles,
+    pub(super) neighborhood: Neighborhood,
+    pub(super) walls: Walls,
+    pub(super) presence: Presence,
+    pub(super) feeds: FeedRunner,
+    pub(super) part_loads: Vec<PartLoad>,
+    pub(super) steps: u64,
+    /// False until the loads at the present time have been computed once.
+    pub(super) loads_known: bool,
+    /// Accumulated entries of the budget; the instantaneous ones are computed when asked for.
+    pub(super) booked: EnergyBudget,
+    pub(super) removed: Vec<Removal>,
+    pub(super) watchdog: Watchdog,
+    pub(super) phases: super::phase::PhaseTimes,
+}
+
+impl Simulation {
+    /// A simulation at time 0 with no particle yet; feeds due at time 0 act at the first step.
+    #[must_use]
+    pub fn new(setup: Setup) -> Self {
+        let law = LawTable::new(setup.law, &setup.materials);
+        let rolling = setup.law.rolling != RollingLaw::None && law.has_rolling_friction();
+        let terms = KernelTerms { friction: rolling || law.has_sliding_friction(), rolling, energy: setup.energy };
+        let mut walls = Walls::new(&setup.parts);
+        let presence = Presence::new(&setup.parts, &mut walls);
+        walls.set_time(0.0);
+        let densities: Vec<Option<f64>> = setup.materials.materials.iter().map(|m| m.density).collect();
+        let feeds = FeedRunner::new(&setup.feeds, &setup.classes, &densities, setup.body, setup.seed);
+        Self {
+            law,
+            terms,
+            threads: Threads::new(setup.threads),
+            particles: Particles::default(),
+            neighborhood: Neighborhood::new(setup.skin, setup.domain, setup.periodic, terms),
+            walls,
+            presence,
+            feeds,
+            part_loads: vec![PartLoad::default(); setup.parts.len()],
+            steps: 0,
+            loads_known: false,
+            booked: EnergyBudget::default(),
+            removed: Vec::new(),
+            watchdog: Watchdog::default(),
+            phases: super::phase::PhaseTimes::default(),
+            setup,
+        }
+    }
+
+    /// One time step.
+    ///
+    /// # Errors
+    /// When the watchdog finds the run unstable; the state is then that of the end of this step and can still be written.
+    pub fn step(&mut self) -> Result<(), Stop> {
+        self.feed_due_particles();
+        self.watch_presence();
+        if !self.loads_known {
+            self.compute_initial_loads();
+        }
+        self.advance();
+        self.remove_leavers();
+        self.steps += 1;
+        self.walls.set_time(self.time());
+        self.refresh_neighborhood();
+        self.compute_loads(self.setup.timestep);
+        self.correct();
+        self.watch()
+    }
+
+    /// Number of time steps done.
+    #[must_use]
+    pub const fn steps_done(&self) -> u64 {
+        self.steps
+    }
+
+    /// Plant time [s].
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.steps as f64 * self.setup.timestep
+    }
+
+    /// What it was made from.
+    #[must_use]
+    pub const fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Adds free particles outside of the feeds.
+    pub fn insert(&mut self, states: &[ParticleState]) {
+        if states.is_empty() {
+            return;
+        }
+        for state in states {
+            self.booked.inserted += self.mechanical_energy_of(state);
+            self.particles.push(state, self.setup.body);
+            let last = self.particles.len() - 1;
+            // A newcomer falls freely until its first contact; loads at time 0 are computed before the first step.
+            self.particles.accelerations[last].linear = self.setup.gravity;
+        }
+        self.watchdog.expect_new_energy();
+        self.rebuild_neighborhood();
+    }
+
+    fn feed_due_particles(&mut self) {
+        let time = self.time();
+        if !self.feeds.due(time) {
+            return;
+        }
+        let started = std::time::Instant::now();
+        let occupancy = super::occupancy::SolverOccupancy {
+            particles: &self.particles,
+            neighborhood: &self.neighborhood,
+            walls: &self.walls,
+        };
+        let states = self.feeds.insert(time, &occupancy);
+        self.phases.feeds += started.elapsed();
+        self.insert(&states);
+    }
+
+    fn watch_presence(&mut self) {
+        let fed = self.feeds.finished(self.time());
+        let (time, steps) = (self.time(), self.steps);
+        let particles = &self.particles;
+        let speed = || particles.rms_speed();
+        let changed = self.presence.update(time, steps, self.setup.timestep, fed, particles.is_empty(), speed);
+        if !changed.is_empty() {
+            for event in &changed {
+                self.walls.set_present(event.part, event.present);
+            }
+            self.collect_wall_candidates();
+        }
+    }
+
+    /// Parts that appeared or disappeared, in order.
+    #[must_use]
+    pub fn part_events(&self) -> &[PartEvent] {
+        self.presence.events()
+    }
+
+    /// Particles that left, counted by cause.
+    #[must_use]
+    pub fn removed(&self) -> &[Removal] {
+        &self.removed
+    }
+
+    /// What the particles do to each part at the present time.
+    #[must_use]
+    pub fn part_loads(&self) -> &[PartLoad] {
+        &self.part_loads
+    }
+
+    /// What each feed was asked for and brought.
+    #[must_use]
+    pub fn feed_reports(&self) -> Vec<super::feed::report::FeedReport> {
+        self.feeds.reports()
+    }
+
+    /// True once no feed brings any more.
+    #[must_use]
+    pub fn feeds_finished(&self) -> bool {
+        self.feeds.finished(self.time())
+    }
+
+    /// Wall time by phase.
+    #[must_use]
+    pub const fn phase_times(&self) -> &super::phase::PhaseTimes {
+        &self.phases
+    }
+}

@@ -1,0 +1,342 @@
+//! Walls: which points of the plant's parts a sphere touches, and how these points move.
+//!
+//! Surfaces stay in the coordinates in which they were placed (body coordinates) and so do the trees over their
+//! triangles; a sphere's centre is carried there by the part's pose, and the points found are carried back.
+
+mod footprint;
+
+use crate::geometry::frustum::{Frustum, Side};
+use crate::geometry::motion::{Motion, Pose, Twist};
+use crate::geometry::part::{Part, Surface};
+use crate::geometry::tree::TriangleTree;
+use crate::geometry::triangle::Triangle;
+use crate::math::{Bounds, Vec3};
+
+/// Distance over radius below which a centre lies in the surface itself, and the direction to the surface is noise.
+const IN_SURFACE: f64 = 1e-12;
+
+/// The parts of a plant, ready to be asked for contacts.
+#[derive(Debug, Clone)]
+pub struct Walls {
+    walls: Vec<Wall>,
+}
+
+/// One element of a part near a sphere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Candidate {
+    /// Index of the part.
+    pub part: u16,
+    /// The triangle, by its number in the file; of a frustum 0 for the generator on the centre's side of the axis and 1
+    /// for the one across; 0 for a plane.
+    pub element: u32,
+}
+
+/// A point at which a sphere touches a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WallPoint {
+    /// Index of the part.
+    pub part: u16,
+    /// Element of the part, as in [`Candidate::element`].
+    pub element: u32,
+    /// The surface's closest point to the centre [m], plant coordinates.
+    pub point: Vec3,
+    /// Unit normal from the particle's centre to the surface [-].
+    pub normal: Vec3,
+    /// Radius less distance of the centre from the surface [m], positive. It exceeds the radius for a centre behind a
+    /// plane, and only there.
+    pub overlap: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Wall {
+    name: String,
+    material: u16,
+    shape: Shape,
+    motion: Motion,
+    is_static: bool,
+    speed_bound: f64,
+    present: bool,
+    pose: Pose,
+    twist: Twist,
+}
+
+#[derive(Debug, Clone)]
+enum Shape {
+    Plane { point: Vec3, normal: Vec3 },
+    Frustum(Frustum),
+    Mesh(TriangleTree),
+}
+
+impl Walls {
+    /// Walls from the parts of a scene, all present, at the plant time 0.
+    #[must_use]
+    pub fn new(parts: &[Part]) -> Self {
+        let mut walls = Self { walls: parts.iter().map(Wall::new).collect() };
+        walls.set_time(0.0);
+        walls
+    }
+
+    /// Moves all parts to where they are at a plant time [s].
+    pub fn set_time(&mut self, time: f64) {
+        for wall in self.walls.iter_mut().filter(|wall| !wall.motion.terms.is_empty()) {
+            wall.twist = wall.motion.twist(time);
+            // a static part keeps the exact identity: no arithmetic, no round-off
+            if !wall.is_static {
+                wall.pose = wall.motion.pose(time);
+            }
+        }
+    }
+
+    /// Makes a part exist or not.
+    pub fn set_present(&mut self, part: u16, present: bool) {
+        self.walls[usize::from(part)].present = present;
+    }
+
+    /// True where a part exists.
+    #[must_use]
+    pub fn is_present(&self, part: u16) -> bool {
+        self.walls[usize::from(part)].present
+    }
+
+    /// Names of the parts, by index.
+    pub fn part_names(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.walls.iter().map(|wall| wall.name.as_str())
+    }
+
+    /// Material of a part.
+    #[must_use]
+    pub fn material(&self, part: u16) -> u16 {
+        self.walls[usize::from(part)].material
+    }
+
+    /// Angular velocity of a part [rad/s].
+    #[must_use]
+    pub fn spin(&self, part: u16) -> Vec3 {
+        self.walls[usize::from(part)].twist.spin
+    }
+
+    /// Velocity of the surface of a part at one of its points [m/s], with the unit normal of the surface there.
+    ///
+    /// v = V + W x x + (b - (b.n) n): the rigid motion at x plus the belt's velocity b along the surface.
+    #[must_use]
+    pub fn surface_velocity(&self, part: u16, point: &Vec3, normal: &Vec3) -> Vec3 {
+        let twist = &self.walls[usize::from(part)].twist;
+        twist.at(point) + (twist.belt - normal * twist.belt.dot(normal))
+    }
+
+    /// Upper bound over all time of the speed at which any present surface can approach a point [m/s].
+    ///
+    /// A plane turning about its own normal and a frustum about its own axis cover the same points all the time: such
+    /// rotations count as nothing. A plane that rotates otherwise has no bound and does not count, as
+    /// [`Walls::candidates`] always names it. A mesh that is carried away for ever and rotated after that makes the
+    /// bound infinite.
+    #[must_use]
+    pub fn speed_bound(&self) -> f64 {
+        let present = self.walls.iter().filter(|wall| wall.present && !wall.is_always_candidate());
+        present.map(|wall| wall.speed_bound).fold(0.0, f64::max)
+    }
+
+    /// A box around all present parts at their present pose [m], planes left out; it may be larger than the smallest.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        let present = self.walls.iter().filter(|wall| wall.present);
+        present.map(Wall::bounds).fold(Bounds::EMPTY, |all, bounds| all.union(&bounds))
+    }
+
+    /// Finds every element of a present part within `reach` [m] of `centre` [m] at the present pose, ascending.
+    /// `found` is emptied first.
+    pub fn candidates(&self, centre: &Vec3, reach: f64, found: &mut Vec<Candidate>) {
+        found.clear();
+        for (part, wall) in (0_u16..).zip(&self.walls) {
+            if !wall.present {
+                continue;
+            }
+            let start = found.len();
+            let local = wall.to_body(centre);
+            match &wall.shape {
+                Shape::Plane { point, normal } => {
+                    if wall.is_always_candidate() || normal.dot(&(local - point)) <= reach {
+                        found.push(Candidate { part, element: 0 });
+                    }
+                }
+                Shape::Frustum(frustum) => {
+                    for (element, side) in [(0, Side::Near), (1, Side::Far)] {
+                        if frustum.closest(&local, side).squared_distance <= reach * reach {
+                            found.push(Candidate { part, element });
+                        }
+                    }
+                }
+                Shape::Mesh(tree) => tree.within(&local, reach, |element| found.push(Candidate { part, element })),
+            }
+            found[start..].sort_unstable();
+        }
+    }
+
+    /// Finds the contact points of a sphere, given at least all elements that it overlaps, ascending. `found` is emptied
+    /// first; points come by part, within a part deepest first. Absent parts are skipped.
+    ///
+    /// Of each element the point closest to the centre counts; which of them are contacts of their own is decided by
+    /// [`footprint`], within each part alone: two parts that meet are two bodies, each with its own material.
+    pub fn contacts(&self, candidates: &[Candidate], centre: &Vec3, radius: f64, found: &mut Vec<WallPoint>) {
+        found.clear();
+        for group in candidates.chunk_by(|a, b| a.part == b.part) {
+            let wall = &self.walls[usize::from(group[0].part)];
+            if !wall.present {
+                continue;
+            }
+            let start = found.len();
+            let local = wall.to_body(centre);
+            for candidate in group {
+                if let Some(mut point) = wall.shape.touch(candidate.element, &local, radius) {
+                    point.part = candidate.part;
+                    found.push(point);
+                }
+            }
+            footprint::keep_separate(found, start, radius);
+            wall.to_plant(found, start..);
+        }
+    }
+}
+
+impl Wall {
+    fn new(part: &Part) -> Self {
+        let shape = match &part.surface {
+            Surface::Plane { point, normal } => Shape::Plane { point: *point, normal: *normal },
+            Surface::Frustum { start, end, start_radius, end_radius } => {
+                Shape::Frustum(Frustum::new(*start, *end, *start_radius, *end_radius))
+            }
+            Surface::Mesh(mesh) => Shape::Mesh(TriangleTree::new(mesh.prepared_triangles())),
+        };
+        Self {
+            name: part.name.clone(),
+            material: part.material,
+            speed_bound: shape.motion_that_displaces(&part.motion).speed_bound(&shape.bounds()),
+            shape,
+            is_static: part.motion.is_static(),
+            motion: part.motion.clone(),
+            present: true,
+            pose: Pose::IDENTITY,
+            twist: Twist::REST,
+        }
+    }
+
+    /// True for a plane swinging about an axis across its normal: far out it sweeps past at any speed.
+    fn is_always_candidate(&self) -> bool {
+        matches!(self.shape, Shape::Plane { .. }) && self.speed_bound.is_infinite()
+    }
+
+    fn bounds(&self) -> Bounds {
+        let body = self.shape.bounds();
+        if matches!(self.shape, Shape::Plane { .. }) || body.is_empty() {
+            return Bounds::EMPTY;
+        }
+        if self.is_static {
+            return body;
+        }
+        let ends = [body.minimum, body.maximum];
+        let mut bounds = Bounds::EMPTY;
+        for corner in 0..8_usize {
+            bounds.include(&self.pose.apply(&Vec3::from_fn(|axis, _| ends[corner >> axis & 1][axis])));
+        }
+        bounds
+    }
+
+    fn to_body(&self, point: &Vec3) -> Vec3 {
+        if self.is_static { *point } else { self.pose.inverse_apply(point) }
+    }
+
+    fn to_plant(&self, found: &mut [WallPoint], range: std::ops::RangeFrom<usize>) {
+        if self.is_static {
+            return;
+        }
+        for touch in &mut found[range] {
+            touch.point = self.pose.apply(&touch.point);
+            touch.normal = self.pose.apply_direction(&touch.normal);
+        }
+    }
+}
+
+impl Shape {
+    /// The box around it in body coordinates [m]; infinite for a plane.
+    fn bounds(&self) -> Bounds {
+        match self {
+            Self::Plane { .. } => Bounds { minimum: [f64::NEG_INFINITY; 3], maximum: [f64::INFINITY; 3] },
+            Self::Frustum(frustum) => frustum.bounds(),
+            Self::Mesh(tree) => tree.bounds(),
+        }
+    }
+
+    /// The motion without the leading rotations that map the surface onto itself.
+    fn motion_that_displaces(&self, motion: &Motion) -> Motion {
+        use crate::geometry::motion::MotionKind::{Conveyor, Rotate};
+        // round-off of a unit vector written with 17 digits, with room to spare: 1e-12 rad of 1 m is 1e-12 m
+        let parallel = |a: &Vec3, b: &Vec3| a.cross(b).norm() <= 1e-12;
+        let keeps = |origin: &Vec3, axis: &Vec3| match self {
+            Self::Plane { normal, .. } => parallel(axis, normal),
+            Self::Frustum(frustum) => {
+                let (point, own) = frustum.axis();
+                let apart = origin - point;
+                parallel(axis, own) && apart.cross(own).norm() <= 1e-12 * (origin.norm() + point.norm())
+            }
+            Self::Mesh(_) => false,
+        };
+        let terms = motion.terms.iter().skip_while(|term| match &term.kind {
+            Rotate { origin, axis, .. } => keeps(origin, axis),
+            Conveyor { .. } => true,
+            _ => false,
+        });
+        Motion { terms: terms.cloned().collect() }
+    }
+
+    /// The point of one element closest to the centre of a sphere that overlaps it, all in body coordinates.
+    fn touch(&self, element: u32, centre: &Vec3, radius: f64) -> Option<WallPoint> {
+        let (foot, fallback) = match self {
+            Self::Plane { point, normal } => return touch_plane(point, normal, centre, radius),
+            Self::Frustum(frustum) => {
+                let side = if element == 0 { Side::Near } else { Side::Far };
+                (frustum.closest(centre, side), Fallback::Frustum(frustum, side))
+            }
+            Self::Mesh(tree) => {
+                let triangle = &tree.triangles()[element as usize];
+                (triangle.closest(centre), Fallback::Triangle(triangle))
+            }
+        };
+        // the square first: most candidates are out of reach and cost no root
+        if foot.squared_distance >= radius * radius {
+            return None;
+        }
+        let distance = foot.squared_distance.sqrt();
+        let overlap = radius - distance;
+        let normal = if distance > IN_SURFACE * radius { foot.offset / distance } else { fallback.normal(centre) };
+        (overlap > 0.0).then(|| WallPoint { part: 0, element, point: centre + foot.offset, normal, overlap })
+    }
+}
+
+/// A plane is a half space: the distance has a sign, and a centre that got behind it is still pushed out.
+fn touch_plane(point: &Vec3, normal: &Vec3, centre: &Vec3, radius: f64) -> Option<WallPoint> {
+    let height = normal.dot(&(centre - point));
+    let overlap = radius - height;
+    let touch = || WallPoint { part: 0, element: 0, point: centre - normal * height, normal: -normal, overlap };
+    (overlap > 0.0).then(touch)
+}
+
+/// The direction to the surface for a centre that lies in it. Both sides are equally right; the surface's normal is taken
+/// to point at the particle, as it does on the outside of a closed surface.
+enum Fallback<'a> {
+    Triangle(&'a Triangle),
+    Frustum(&'a Frustum, Side),
+}
+
+impl Fallback<'_> {
+    fn normal(&self, centre: &Vec3) -> Vec3 {
+        match self {
+            // a degenerate triangle has no normal: any unit vector keeps the numbers finite
+            Self::Triangle(triangle) if triangle.is_degenerate() => -Vec3::z(),
+            Self::Triangle(triangle) => -triangle.normal(),
+            Self::Frustum(frustum, side) => -frustum.outward_normal(centre, *side),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,194 @@
+//! One triangle and the point of it that is closest to a given point.
+
+use crate::math::{Bounds, Vec3};
+
+/// Height of a triangle over its longest edge below which it has no usable normal and counts as its three edges.
+///
+/// Its inside is then nowhere farther from the edges than 1e-12 of the longest edge, which is the round-off of the
+/// vertices' own coordinates within a factor of a few thousand.
+const DEGENERATE_HEIGHT: f64 = 1e-12;
+
+/// A triangle prepared for distance queries.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Triangle {
+    corners: [Vec3; 3],
+    /// Zero for a degenerate triangle.
+    normal: Vec3,
+}
+
+/// The closest point of a surface, as seen from the point that asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Foot {
+    /// From the asking point to the surface [m].
+    pub offset: Vec3,
+    /// Its squared length [m^2].
+    pub squared_distance: f64,
+}
+
+impl Foot {
+    fn new(offset: Vec3) -> Self {
+        Self { offset, squared_distance: offset.norm_squared() }
+    }
+}
+
+impl Triangle {
+    /// A triangle from its corners [m], in right-handed order about its normal.
+    #[must_use]
+    pub fn new(corners: [Vec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        let longest_squared = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        let doubled_area = doubled_area_vector(&corners);
+        let length = doubled_area.norm();
+        // length = longest edge * height; a comparison that NaN fails makes the triangle degenerate
+        let sound = length > DEGENERATE_HEIGHT * longest_squared;
+        Self { corners, normal: if sound { doubled_area / length } else { Vec3::zeros() } }
+    }
+
+    /// The corners [m].
+    #[must_use]
+    pub fn corners(&self) -> &[Vec3; 3] {
+        &self.corners
+    }
+
+    /// Unit normal, right-handed about the corners [-]; zero for a degenerate triangle.
+    #[must_use]
+    pub fn normal(&self) -> &Vec3 {
+        &self.normal
+    }
+
+    /// True where the area vanishes (height below 1e-12 of the longest edge).
+    #[must_use]
+    pub fn is_degenerate(&self) -> bool {
+        self.normal == Vec3::zeros()
+    }
+
+    /// The smallest box around it.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        let mut bounds = Bounds::EMPTY;
+        for corner in &self.corners {
+            bounds.include(corner);
+        }
+        bounds
+    }
+
+    /// The closest point of the triangle to `point` [m].
+    ///
+    /// Where the perpendicular from `point` onto the plane meets the inside, that is the closest point. Else the
+    /// closest point q lies on an edge beyond which `point` lies: inside an edge, `point` - q is along that edge's
+    /// outward in-plane normal (plus the plane's normal); at a corner it is a sum w = alpha n1 + beta n2 of the two
+    /// edges' outward normals with alpha, beta >= 0, and w.w > 0 forces w.n1 > 0 or w.n2 > 0. So the nearest of the
+    /// edges that `point` lies beyond gives the answer, also for obtuse triangles.
+    /// Same result as the region tests of C. Ericson, Real-time collision detection (2005), 5.1.5, but the face is
+    /// reached by the unit normal, so that distance and direction keep full precision however near the surface is.
+    #[must_use]
+    pub fn closest(&self, point: &Vec3) -> Foot {
+        let [a, b, c] = self.corners.map(|corner| corner - point);
+        let edges = [(a, b), (b, c), (c, a)];
+        let degenerate = self.is_degenerate();
+        let mut nearest: Option<Foot> = None;
+        for (from, to) in edges {
+            // positive where `point`, here the origin, lies on the inner side of the edge
+            let inner = self.normal.dot(&from.cross(&to));
+            if degenerate || inner < 0.0 {
+                let foot = closest_on_segment(&from, &to);
+                if nearest.is_none_or(|best| foot.squared_distance < best.squared_distance) {
+                    nearest = Some(foot);
+                }
+            }
+        }
+        nearest.unwrap_or_else(|| {
+            let height = self.normal.dot(&a);
+            Foot { offset: self.normal * height, squared_distance: height * height }
+        })
+    }
+}
+
+/// Twice the area times the normal, (b - a) x (c - a) [m^2], with the pair of shortest edges, which loses least to
+/// round-off in thin triangles.
+#[must_use]
+pub fn doubled_area_vector(corners: &[Vec3; 3]) -> Vec3 {
+    let [a, b, c] = corners;
+    let (ab, bc, ca) = (b - a, c - b, a - c);
+    let (along_ab, along_bc, along_ca) = (ab.norm_squared(), bc.norm_squared(), ca.norm_squared());
+    if along_ab >= along_bc && along_ab >= along_ca {
+        bc.cross(&ca)
+    } else if along_bc >= along_ca {
+        ca.cross(&ab)
+    } else {
+        ab.cross(&bc)
+    }
+}
+
+/// The closest point to the origin on the segment from `from` to `to` [m].
+fn closest_on_segment(from: &Vec3, to: &Vec3) -> Foot {
+    let edge = to - from;
+    let squared_length = edge.norm_squared();
+    let along = -from.dot(&edge);
+    // the corner itself, not from + 1 * edge: neighbours at a vertex then agree to the last bit
+    if along <= 0.0 || squared_length == 0.0 {
+        Foot::new(*from)
+    } else if along >= squared_length {
+        Foot::new(*to)
+    } else {
+        Foot::new(from + edge * (along / squared_length))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::vec3;
+    use proptest::prelude::*;
+
+    fn coordinates() -> impl Strategy<Value = Vec3> {
+        (-1.0..1.0, -1.0..1.0, -1.0..1.0).prop_map(|(x, y, z)| vec3(x, y, z))
+    }
+
+    proptest! {
+        /// The closest point q of a convex set is the one with (x - q).(p - q) <= 0 for every x of the set, and it is
+        /// enough to ask the corners. Tolerance: round-off of products of coordinates of order 1, in triangles whose
+        /// height may be 1e-3 of their size.
+        #[test]
+        fn satisfies_the_variational_inequality(corners in [coordinates(), coordinates(), coordinates()], p in coordinates()) {
+            let triangle = Triangle::new(corners);
+            prop_assume!(doubled_area_vector(&corners).norm() > 1e-3);
+            let foot = triangle.closest(&p);
+            let q = p + foot.offset;
+            for corner in &corners {
+                prop_assert!((corner - q).dot(&(p - q)) <= 1e-12);
+            }
+            // q is in the triangle: in its plane, and on the inner side of every edge
+            prop_assert!((q - corners[0]).dot(triangle.normal()).abs() <= 1e-12);
+            for k in 0..3 {
+                let (from, to) = (corners[k], corners[(k + 1) % 3]);
+                prop_assert!(triangle.normal().dot(&(to - from).cross(&(q - from))) >= -1e-12);
+            }
+            prop_assert!((foot.offset.norm_squared() - foot.squared_distance).abs() <= 1e-15);
+        }
+
+        /// A degenerate triangle is the segment it covers, and nothing is NaN.
+        #[test]
+        fn a_degenerate_triangle_is_a_segment(a in coordinates(), b in coordinates(), share in 0.0..1.0, p in coordinates()) {
+            let corners = [a, b, a + (b - a) * share];
+            let triangle = Triangle::new(corners);
+            prop_assert!(triangle.is_degenerate());
+            let expected = closest_on_segment(&(a - p), &(b - p));
+            prop_assert!((triangle.closest(&p).squared_distance - expected.squared_distance).abs() <= 1e-14);
+            let collapsed = Triangle::new([a, a, a]);
+            prop_assert_eq!(collapsed.closest(&p).offset, a - p);
+        }
+    }
+
+    #[test]
+    fn an_obtuse_triangle_finds_the_far_edge() {
+        // the point lies beyond two edges, the nearer edge is not the one whose line is nearest
+        let triangle = Triangle::new([vec3(0.0, 0.0, 0.0), vec3(10.0, 0.0, 0.0), vec3(-5.0, 1.0, 0.0)]);
+        let foot = triangle.closest(&vec3(-1.0, -1.0, 2.0));
+        let edge = vec3(-5.0, 1.0, 0.0);
+        let p = vec3(-1.0, -1.0, 2.0);
+        let t = (p.dot(&edge) / edge.norm_squared()).clamp(0.0, 1.0);
+        let expected = (edge * t - p).norm_squared();
+        assert!((foot.squared_distance - expected).abs() < 1e-14);
+    }
+}
