@@ -73,7 +73,7 @@ pub struct EnergySample {
     pub rolling: f64,
     /// Fed in by moving walls.
     pub wall_work: f64,
-    /// Signed residual of a law that is not conservative.
+    /// Made (> 0) or taken (< 0) by a law that is not conservative.
     pub law_residual: f64,
 }
 
@@ -93,7 +93,7 @@ impl EnergySample {
     /// Contents plus losses minus input [J]: constant in time.
     #[must_use]
     pub fn sum(&self) -> f64 {
-        self.sum_without_residual() + self.law_residual
+        self.sum_without_residual() - self.law_residual
     }
 }
 

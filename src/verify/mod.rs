@@ -11,6 +11,7 @@ mod experiment;
 mod impact_measure;
 mod incline;
 mod invariants;
+mod native;
 mod normal_impact;
 mod oblique_impact;
 mod order;
@@ -20,6 +21,7 @@ mod rolling_resistance;
 mod table;
 
 pub use experiment::{CaseSetup, EnergySample, Experiment, Sample};
+pub use native::Native;
 pub use table::table;
 
 /// A verification case.

@@ -181,7 +181,10 @@ fn impact_angles(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> 
     let polyethylene = Oblique { density: 1400.0, youngs_modulus: 1e9, poissons_ratio: 0.40, ..steel };
     let normal = 5.0;
     let mut checks = Vec::new();
-    for (name, body) in [("steel", steel), ("polyethylene", polyethylene)] {
+    // the limit of gross sliding knows no overlap; polyethylene is pressed in by 2.7 % of its radius, which shortens the lever
+    // arm: so there the limit is met 1000 times stiffer, and the material itself by its equation of motion
+    let stiff = Oblique { youngs_modulus: 1000.0 * polyethylene.youngs_modulus, ..polyethylene };
+    for (name, body) in [("steel", steel), ("polyethylene x 1000", stiff)] {
         let scale = body.friction * normal;
         for tangential in [15.0, 18.0, 21.0] {
             let state = body.run(experiment, HERTZ, normal, tangential)?;
@@ -191,7 +194,7 @@ fn impact_angles(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> 
                 reference,
                 measured,
                 tolerance: Tolerance::Relative(0.01),
-                reason: "bar of the suite; the limit neglects the overlap in the lever arm (0.6 and 2.7 %, squared by unloading)",
+                reason: "bar of the suite; overlap of 0.6 % of the radius at most in the lever arm",
                 unit: "-",
                 source: "gross sliding at e = 1: surface velocity psi - 7, spin -5",
             };
@@ -199,7 +202,10 @@ fn impact_angles(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> 
             checks.push(row("surface velocity / (mu v_n)", psi - 7.0, state.velocity.x / scale + spin));
             checks.push(row("r omega / (mu v_n)", -5.0, spin));
         }
-        for tangential in [0.45, 1.5, 3.0, 6.0] {
+    }
+    for (name, body) in [("steel", steel), ("polyethylene", polyethylene)] {
+        let scale = body.friction * normal;
+        for tangential in [0.45, 1.5, 3.0, 6.0, 15.0, 21.0] {
             let state = body.run(experiment, HERTZ, normal, tangential)?;
             let (velocity, spin) = body.reference(TangentialLaw::Total, normal, tangential);
             checks.push(Check {
