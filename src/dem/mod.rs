@@ -21,6 +21,7 @@ pub mod removal;
 pub mod simulation;
 mod step;
 pub mod threads;
+pub mod timescale;
 pub mod wall;
 pub mod wall_contacts;
 pub mod watchdog;

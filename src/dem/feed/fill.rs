@@ -25,6 +25,8 @@ const NEXT_SIZE: f64 = 0.8;
 const FIRST_ROUND: f64 = 0.45;
 const FIRST_ROUND_OF_DISCS: f64 = 0.6;
 const NEXT_ROUND: f64 = 0.05;
+/// So many rounds in a row of nothing but particles too large for the region end an insertion.
+const BARREN_ROUNDS: u32 = 100;
 
 #[derive(Debug, Clone)]
 pub(super) struct Fill {
@@ -101,11 +103,15 @@ impl Fill {
         self.progress.insertions += 1;
         let mut left_over = Vec::new();
         let mut candidates = self.first_round();
-        while !candidates.is_empty() {
+        let mut barren_rounds = 0;
+        while !candidates.is_empty() && barren_rounds < BARREN_ROUNDS {
             let offered = candidates.len();
             let (placed, refused) = self.round(candidates, site);
+            barren_rounds = if placed == 0 { barren_rounds + 1 } else { 0 };
+            // those too large for the region say nothing about how full it is
+            let is_full = 2 * refused.len() > offered;
             left_over.extend(refused);
-            candidates = if 2 * placed < offered { Vec::new() } else { self.draw_share(NEXT_ROUND) };
+            candidates = if is_full { Vec::new() } else { self.draw_share(NEXT_ROUND) };
         }
         left_over.sort_unstable_by_key(|candidate| candidate.serial);
         self.queue.progress.waiting = left_over;

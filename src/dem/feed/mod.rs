@@ -3,6 +3,7 @@
 pub mod draw;
 pub mod fill;
 pub mod fresh;
+pub mod initial_state;
 mod queue;
 pub mod region;
 pub mod report;
@@ -11,6 +12,7 @@ pub mod size;
 mod sphere_inside;
 pub mod stream;
 
+pub use initial_state::InitialStateError;
 pub use report::{FeedReport, GradingRow, Shortfall};
 pub use runner::{FeedRunner, FeedRunnerState, Occupancy};
 

@@ -2,7 +2,6 @@
 
 use super::sphere_inside::SphereInside;
 use super::{Face, Region};
-use crate::geometry::part::TriangleMesh;
 use crate::math::{Bounds, Vec3};
 use crate::particle::Body;
 use std::f64::consts::TAU;
@@ -23,7 +22,7 @@ impl RegionSampler {
     /// A sampler of `region` for one kind of body.
     #[must_use]
     pub fn new(region: Region, body: Body) -> Self {
-        let bounds = if let Region::Inside(mesh) = &region { mesh_bounds(mesh) } else { Bounds::EMPTY };
+        let bounds = if let Region::Inside(mesh) = &region { mesh.bounds() } else { Bounds::EMPTY };
         Self { region, body, bounds }
     }
 
@@ -67,8 +66,8 @@ impl Region {
                 }
             }
             Self::Inside(mesh) => {
-                let depth = if flat { mesh_bounds(mesh).size().y } else { 1.0 };
-                mesh_volume(mesh) / depth
+                let depth = if flat { mesh.bounds().size().y } else { 1.0 };
+                mesh.signed_volume().abs() / depth
             }
         }
     }
@@ -79,8 +78,8 @@ impl Region {
         match self {
             Self::Box { .. } | Self::Cylinder { .. } => 1.0,
             Self::Inside(mesh) => {
-                let size = mesh_bounds(mesh).size();
-                (mesh_volume(mesh) / (size.x * size.y * size.z)).clamp(1e-6, 1.0)
+                let size = mesh.bounds().size();
+                (mesh.signed_volume().abs() / (size.x * size.y * size.z)).clamp(1e-6, 1.0)
             }
         }
     }
@@ -189,28 +188,11 @@ fn perpendicular(axis: &Vec3) -> (Vec3, Vec3) {
     (first, axis.cross(&first))
 }
 
-fn mesh_bounds(mesh: &TriangleMesh) -> Bounds {
-    let mut bounds = Bounds::EMPTY;
-    for vertex in &mesh.vertices {
-        bounds.include(vertex);
-    }
-    bounds
-}
-
-/// Volume [m3] inside a closed surface by the divergence theorem, whichever way its triangles face.
-fn mesh_volume(mesh: &TriangleMesh) -> f64 {
-    let origin = mesh.vertices.first().copied().unwrap_or_else(Vec3::zeros);
-    let wedge = |triangle: &[u32; 3]| {
-        let [a, b, c] = triangle.map(|index| mesh.vertices[index as usize] - origin);
-        a.dot(&b.cross(&c)) / 6.0
-    };
-    mesh.triangles.iter().map(wedge).sum::<f64>().abs()
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::super::draw::FeedKey;
     use super::*;
+    use crate::geometry::part::TriangleMesh;
     use approx::assert_relative_eq;
 
     /// A closed tetrahedron with three edges of `length` along the axes.

@@ -176,7 +176,7 @@ impl Walls {
     /// first; points come by part, within a part deepest first. Absent parts are skipped.
     ///
     /// Of each element the point closest to the centre counts; which of them are contacts of their own is decided by
-    /// [`footprint`], within each part alone: two parts that meet are two bodies, each with its own material.
+    /// the rule of `footprint.rs`, within each part alone: two parts that meet are two bodies, each with its own material.
     pub fn contacts(&self, candidates: &[Candidate], centre: &Vec3, radius: f64, found: &mut Vec<WallPoint>) {
         found.clear();
         for group in candidates.chunk_by(|a, b| a.part == b.part) {

@@ -8,7 +8,7 @@ use crate::geometry::motion::{MotionKind, MotionTerm};
 use crate::geometry::part::{TriangleMesh, Trigger};
 use crate::math::{Rotation, vec3};
 use proptest::prelude::*;
-use rand::{RngExt as _, SeedableRng as _};
+use rand::SeedableRng as _;
 use std::f64::consts::{PI, TAU};
 
 const RADIUS: f64 = 0.05;
@@ -73,7 +73,7 @@ fn a_plane_cut_into_many_triangles_is_one_plane() {
     let corner = |x: f64, y: f64| pose.apply(&vec3(x, y, 0.0));
     let one = vec![[corner(-1.0, -1.0), corner(4.0, -1.0), corner(-1.0, 4.0)]];
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-    let mut heights = vec![0.999_999 * RADIUS, 0.9 * RADIUS, 0.3 * RADIUS, RADIUS * (1.0 - 1e-9)];
+    let mut heights = [0.999_999 * RADIUS, 0.9 * RADIUS, 0.3 * RADIUS, RADIUS * (1.0 - 1e-9)];
     for triangles in [one, cut_square(10, 5, &pose), cut_square(100, 50, &pose)] {
         let mut above: Vec<Vec3> =
             (0..500).map(|_| corner(random.random_range(0.0..1.0), random.random_range(0.0..1.0))).collect();
@@ -95,6 +95,29 @@ fn a_plane_cut_into_many_triangles_is_one_plane() {
             assert_touch(&found[0], &centre, foot, RADIUS);
         }
     }
+}
+
+/// Far from the origin round-off decides whether the sphere reaches a triangle of the plane at the border of the circle in
+/// which it cuts the plane; it must not decide whether that is a second contact.
+#[test]
+fn round_off_at_the_border_of_the_footprint_makes_no_contact() {
+    let pose = Pose { translation: vec3(900.0, -500.0, 700.0), ..tilted() };
+    let corner = |x: f64, y: f64| pose.apply(&vec3(x, y, 0.0));
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let mut reached = 0;
+    for _ in 0..2000 {
+        let height = random.random_range(0.1..0.9) * RADIUS;
+        let border = (RADIUS * RADIUS - height * height).sqrt() + random.random_range(-2e-12..2e-12) * RADIUS;
+        let near = [corner(-1.0, -2.0), corner(border, 0.0), corner(-1.0, 2.0)];
+        let beyond = [corner(border, -1.0), corner(1.0, 0.0), corner(border, 1.0)];
+        let walls = Walls::new(&[mesh(&[near, beyond])]);
+        let centre = pose.apply(&vec3(0.0, 0.0, height));
+        assert_eq!(touch(&walls, &centre, RADIUS).len(), 1);
+        let mut found = Vec::new();
+        walls.contacts(&[Candidate { part: 0, element: 1 }], &centre, RADIUS, &mut found);
+        reached += found.len();
+    }
+    assert!((100..1900).contains(&reached), "the border was not met: {reached}");
 }
 
 #[test]

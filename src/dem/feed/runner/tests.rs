@@ -1,6 +1,5 @@
 //! Feeds as the solver meets them.
 
-use super::super::region::RegionSampler;
 use super::super::{Face, Rate, Region};
 use super::*;
 use crate::particle::{GradingBy, SizeDistribution};
@@ -87,19 +86,23 @@ fn drive(runner: &mut FeedRunner, world: &mut World, first: u64, last: u64, dt: 
 
 #[test]
 fn a_fill_brings_its_count_inside_without_overlaps() {
-    let regions = [
-        cube(0.05),
-        Region::Cylinder { start: Vec3::zeros(), end: Vec3::new(0.03, 0.0, 0.05), radius: 0.03 },
-        Region::Inside(super::super::region::tests::tetrahedron(0.1)),
-    ];
-    for region in regions {
-        let mut feeds = runner(vec![fill(region.clone(), Amount::Count(500))], uniform(), Body::Sphere, 1);
+    type Inside = fn(&Vec3) -> f64;
+    let in_cube: Inside = |x| x.min().min(0.05 - x.max());
+    let in_cylinder: Inside = |x| {
+        let (axis, length) = (Vec3::new(0.03, 0.0, 0.05).normalize(), 0.03_f64.hypot(0.05));
+        let height = x.dot(&axis);
+        (0.03 - (x - axis * height).norm()).min(height).min(length - height)
+    };
+    let in_tetrahedron: Inside = |x| x.min().min((0.1 - x.sum()) / 3.0_f64.sqrt());
+    let cylinder = Region::Cylinder { start: Vec3::zeros(), end: Vec3::new(0.03, 0.0, 0.05), radius: 0.03 };
+    let mesh = Region::Inside(super::super::region::tests::tetrahedron(0.1));
+    for (region, depth) in [(cube(0.05), in_cube), (cylinder, in_cylinder), (mesh, in_tetrahedron)] {
+        let mut feeds = runner(vec![fill(region, Amount::Count(500))], uniform(), Body::Sphere, 1);
         let new = feeds.insert(0.0, &World::default());
         assert_eq!(new.len(), 500);
         assert!(feeds.finished(0.0) && !feeds.due(0.1));
         assert_no_overlap(&new);
-        let inside = RegionSampler::new(region, Body::Sphere);
-        assert!(new.iter().all(|p| inside.place([0.5; 3], p.radius).is_some()));
+        assert!(new.iter().all(|p| depth(&p.position) >= p.radius - 1e-15), "a sphere sticks out of the region");
         let report = &feeds.reports()[0];
         assert_eq!((report.inserted_count, &report.shortfall), (500, &None));
         assert_relative_eq!(
