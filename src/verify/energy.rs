@@ -39,7 +39,7 @@ fn impacts(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
 
 /// Two unlike spheres meet obliquely and with spin, and part.
 fn balance(experiment: &mut dyn Experiment, name: &str, law: LawSettings) -> Result<Vec<Check>, String> {
-    let table = with_rolling(2500.0, 1e8, 0.3, PairContact::Restitution { coefficient: 0.7 }, [0.15, 0.05]);
+    let table = with_rolling(2500.0, 1e8, 0.3, PairContact::Restitution { coefficient: 0.7 }, [0.05, 0.05]);
     let mut setup = CaseSetup::new(table, law, 1.0);
     setup.energy = true;
     let (small, big) = (0.004, 0.006);
