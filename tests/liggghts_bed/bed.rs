@@ -14,15 +14,15 @@ pub struct Bed {
     pub count: usize,
     /// Edge of the floor [m].
     pub width: f64,
+    /// Height of the box [m]: a quarter of it is spheres when they are put in.
+    pub height: f64,
+    /// Steps of the fill deck until all lie.
+    fall: u32,
 }
 
-/// Height of the box [m].
-const HEIGHT: f64 = 0.280;
-
 impl Bed {
-    pub const TWENTY_THOUSAND: Self = Self { count: 20_000, width: 0.100 };
-    /// Deeper, too: 35 spheres for each mean diameter squared of floor instead of 32.
-    pub const HUNDRED_THOUSAND: Self = Self { count: 100_000, width: 0.220 };
+    pub const TWENTY_THOUSAND: Self = Self { count: 20_000, width: 0.100, height: 0.280, fall: 6000 };
+    pub const HUNDRED_THOUSAND: Self = Self { count: 100_000, width: 0.170, height: 0.480, fall: 9000 };
 
     /// Folder of this bed's files; survives between runs.
     pub fn folder(&self) -> PathBuf {
@@ -31,8 +31,9 @@ impl Bed {
         folder
     }
 
-    fn size(&self) -> Vec3 {
-        vec3(self.width, self.width, HEIGHT)
+    /// Edges of the box [m].
+    pub fn size(&self) -> Vec3 {
+        vec3(self.width, self.width, self.height)
     }
 
     /// The settled start state; made by LIGGGHTS once and kept for as long as the deck that makes it stays the same.
@@ -42,11 +43,11 @@ impl Bed {
         let deck = fs::read_to_string(deck("fill_bed.in")).unwrap();
         if !dump.exists() || fs::read_to_string(&kept).ok().as_ref() != Some(&deck) {
             let staged = folder.join("fill_bed.dump.new");
-            let count = self.count.to_string();
-            let width = self.width.to_string();
-            let height = HEIGHT.to_string();
+            let [count, fall] = [self.count.to_string(), self.fall.to_string()];
+            let [width, height] = [self.width, self.height].map(|edge| edge.to_string());
             let variables = [
                 ("count", count.as_str()),
+                ("settle", fall.as_str()),
                 ("width", width.as_str()),
                 ("height", height.as_str()),
                 ("state", "fill_bed.dump.new"),
@@ -67,7 +68,8 @@ impl Bed {
         let folder = self.folder();
         let state = folder.join("settled_bed.dump");
         let _ = fs::remove_file(&state);
-        let (steps, width, height) = (steps.to_string(), self.width.to_string(), HEIGHT.to_string());
+        let steps = steps.to_string();
+        let [width, height] = [self.width, self.height].map(|edge| edge.to_string());
         let variables = [("steps", steps.as_str()), ("width", width.as_str()), ("height", height.as_str())];
         let started = Instant::now();
         run_liggghts("settled_bed.in", &folder, &variables);

@@ -27,7 +27,7 @@ pub fn simulation(bed: &Bed, start: &[ParticleState], threads: usize) -> Simulat
         MaterialTable::new(vec![Material { name: "grain".into(), density: Some(2500.0), elasticity }]);
     let contact = PairContact::Restitution { coefficient: 0.5 };
     materials.set_pair(0, 0, PairProperties { contact, sliding_friction: 0.5, rolling_friction: 0.0 });
-    let size = vec3(bed.width, bed.width, 0.280);
+    let size = bed.size();
     let wall = |(axis, far): (usize, bool)| {
         let mut normal = Vec3::zeros();
         normal[axis] = if far { -1.0 } else { 1.0 };
