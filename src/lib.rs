@@ -9,6 +9,8 @@ pub mod exit_code;
 
 pub mod verify;
 
+pub mod analysis;
+pub mod output;
 pub mod scene;
 // --- physics ground floor: no upward imports ---
 pub mod dem;

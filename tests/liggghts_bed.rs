@@ -102,7 +102,7 @@ fn twenty_thousand_spheres() {
     comparison.check();
 }
 
-/// The long version, with the scatter of kicked runs; prints what `tests/liggghts_bed/run` puts into `docs/validation/`.
+/// The long version, with the scatter of kicked runs.
 #[test]
 #[ignore = "many minutes; run by ./validate"]
 fn with_kicked_runs() {

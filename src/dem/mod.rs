@@ -3,6 +3,7 @@
 //! [`simulation`] holds the state and the order of a time step; [`step`] moves particles; [`pair_contacts`] and
 //! [`wall_contacts`] find forces through [`contact`] and the laws in [`law`]; [`neighborhood`] knows who is near whom.
 
+pub mod checkpoint;
 pub mod contact;
 pub mod energy;
 pub mod feed;

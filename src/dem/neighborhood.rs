@@ -8,9 +8,10 @@ use super::neighbor::list::{Images, InnerList, Memory};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::pair_contacts::ContactScene;
 use super::particles::{Particles, Sphere};
-use super::simulation::{KernelTerms, Simulation};
+use super::simulation::Simulation;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
 use crate::math::{Bounds, Vec3};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -37,6 +38,19 @@ pub struct Chunk {
     pub part_loads: Vec<PartLoad>,
 }
 
+/// What the lists are made with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ListSettings {
+    /// Outer skin [m].
+    pub skin: f64,
+    /// Domain.
+    pub domain: Bounds,
+    /// Periodic axes.
+    pub periodic: [bool; 3],
+    /// Whether contacts have a memory.
+    pub remembers: bool,
+}
+
 /// Chunks, cells, and how far the particles have moved since they were made.
 #[derive(Debug)]
 pub struct Neighborhood {
@@ -45,10 +59,7 @@ pub struct Neighborhood {
     /// Periodic images.
     pub images: Images,
     cells: CellLevels,
-    domain: Bounds,
-    periodic: [bool; 3],
-    remembers: bool,
-    outer_skin: f64,
+    settings: ListSettings,
     inner_skin: f64,
     /// Centres when the outer list was made.
     pub(super) outer_reference: Vec<[f64; 3]>,
@@ -71,16 +82,13 @@ const RENEW_SHARE: f64 = 0.5;
 impl Neighborhood {
     /// Nothing known yet.
     #[must_use]
-    pub fn new(skin: f64, domain: Bounds, periodic: [bool; 3], terms: KernelTerms) -> Self {
+    pub fn new(settings: ListSettings) -> Self {
         Self {
             chunks: Vec::new(),
-            images: Images::new(&domain.size()),
+            images: Images::new(&settings.domain.size()),
             cells: CellLevels::default(),
-            domain,
-            periodic,
-            remembers: terms.friction || terms.rolling,
-            outer_skin: skin,
-            inner_skin: INNER_SHARE * skin,
+            settings,
+            inner_skin: INNER_SHARE * settings.skin,
             outer_reference: Vec::new(),
             inner_reference: Vec::new(),
             smallest_radius: f64::INFINITY,
@@ -113,15 +121,17 @@ impl Neighborhood {
 
     /// The order of storage: level by level, cell by cell.
     fn storage_order(&self, spheres: &[Sphere]) -> Vec<u32> {
-        let cells = CellLevels::new(spheres, self.outer_skin, &self.domain, self.periodic);
+        let cells = CellLevels::new(spheres, self.settings.skin, &self.settings.domain, self.settings.periodic);
         if let [only] = cells.grids.as_slice() {
             return only.in_cell_order().to_vec();
         }
         // Mixed sizes: sort by the cells of the finest level's grid laid over all particles, so that neighbours of any size
         // lie close.
         let all: Vec<u32> = (0..spheres.len() as u32).collect();
-        let edge = cells.grids.first().map_or(1.0, |grid| 2.0 * grid.largest_radius + self.outer_skin);
-        super::neighbor::cells::CellGrid::new(spheres, &all, edge, &self.domain, self.periodic).in_cell_order().to_vec()
+        let edge = cells.grids.first().map_or(1.0, |grid| 2.0 * grid.largest_radius + self.settings.skin);
+        super::neighbor::cells::CellGrid::new(spheres, &all, edge, &self.settings.domain, self.settings.periodic)
+            .in_cell_order()
+            .to_vec()
     }
 
     /// Makes both lists anew for particles in their final order; `old_index[new]` says where a particle stood in the lists that
@@ -133,9 +143,9 @@ impl Neighborhood {
         held: &HeldMemory,
         threads: &super::threads::Threads,
     ) {
-        self.cells = CellLevels::new(spheres, self.outer_skin, &self.domain, self.periodic);
+        self.cells = CellLevels::new(spheres, self.settings.skin, &self.settings.domain, self.settings.periodic);
         let ranges = chunk_ranges(spheres.len());
-        let found = find_candidates(spheres, &self.cells, &ranges, self.outer_skin, threads);
+        let found = find_candidates(spheres, &self.cells, &ranges, self.settings.skin, threads);
         self.chunks = ranges
             .into_iter()
             .zip(found)
@@ -155,7 +165,7 @@ impl Neighborhood {
         threads: &super::threads::Threads,
         recall: impl Fn(&Chunk, usize, super::neighbor::list::Candidate) -> Memory + Sync,
     ) {
-        let (skin, remembers, images) = (self.inner_skin, self.remembers, &self.images);
+        let (skin, remembers, images) = (self.inner_skin, self.settings.remembers, &self.images);
         let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
         threads.for_each(chunks, |chunk| {
             let ask = |row, candidate| remembers.then(|| recall(chunk, row, candidate));
@@ -168,7 +178,7 @@ impl Neighborhood {
     }
 
     fn prune(&mut self, spheres: &[Sphere], threads: &super::threads::Threads) {
-        let (skin, remembers, images) = (self.inner_skin, self.remembers, &self.images);
+        let (skin, remembers, images) = (self.inner_skin, self.settings.remembers, &self.images);
         let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
         threads.for_each(chunks, |chunk| {
             let first = chunk.range.start;
@@ -185,10 +195,39 @@ impl Neighborhood {
         HeldMemory::gather(count, self.chunks.iter().map(|chunk| (&chunk.range, &chunk.own, &chunk.cross)))
     }
 
+    /// What the lists are made with.
+    #[must_use]
+    pub const fn settings(&self) -> ListSettings {
+        self.settings
+    }
+
+    /// Lists made from now on obey these settings; the present ones stay as they are.
+    pub(super) fn change_settings(&mut self, settings: ListSettings) {
+        self.settings = settings;
+        self.inner_skin = INNER_SHARE * settings.skin;
+        self.images = Images::new(&settings.domain.size());
+    }
+
     /// What the checkpoint needs besides the reference centres, in order: (moved since outer, since inner, towards walls) [m].
     #[must_use]
     pub(super) fn motion_bounds(&self) -> [f64; 3] {
         [self.moved_since_outer, self.moved_since_inner, self.approached_walls]
+    }
+
+    pub(super) fn set_motion_bounds(&mut self, bounds: [f64; 3]) {
+        [self.moved_since_outer, self.moved_since_inner, self.approached_walls] = bounds;
+    }
+
+    /// Gives every pair of the inner lists its memory, in the lists' order. A scene without friction takes none.
+    pub(super) fn set_pair_memory(&mut self, memories: &mut dyn Iterator<Item = Memory>) -> Result<(), String> {
+        let lists = self.chunks.iter_mut().flat_map(|chunk| [&mut chunk.own, &mut chunk.cross]);
+        for slot in lists.flat_map(|list| &mut list.memory) {
+            *slot = memories.next().ok_or("column 'pair_memory' is too short for the pairs")?;
+        }
+        if self.settings.remembers && memories.next().is_some() {
+            return Err("column 'pair_memory' is too long for the pairs".to_owned());
+        }
+        Ok(())
     }
 
     /// Makes the lists that a checkpoint was taken with: cells and outer list at its outer reference centres, inner list at its
@@ -207,7 +246,7 @@ impl Neighborhood {
         let order: Vec<u32> = (0..particles.len() as u32).collect();
         self.make_lists(&placed(&outer_reference), &order, &HeldMemory::default(), threads);
         self.prune_with(&placed(&inner_reference), threads, |_, _, _| Memory::NONE);
-        [self.moved_since_outer, self.moved_since_inner, self.approached_walls] = bounds;
+        self.set_motion_bounds(bounds);
     }
 }
 
@@ -233,14 +272,14 @@ impl Simulation {
             if 2.0 * moved > RENEW_SHARE * neighborhood.inner_skin {
                 let far = largest_displacement(spheres, &neighborhood.outer_reference);
                 neighborhood.moved_since_outer = far;
-                if 2.0 * far + neighborhood.inner_skin > neighborhood.outer_skin {
+                if 2.0 * far + neighborhood.inner_skin > neighborhood.settings.skin {
                     self.rebuild_neighborhood();
                 } else {
                     neighborhood.prune(spheres, &self.threads);
                 }
             }
         }
-        if self.neighborhood.approached_walls > self.neighborhood.outer_skin {
+        if self.neighborhood.approached_walls > self.neighborhood.settings.skin {
             self.collect_wall_candidates();
         }
         self.phases.neighborhood += started.elapsed();
@@ -321,7 +360,7 @@ impl Simulation {
 
     /// Collects the elements of parts near each particle.
     pub(super) fn collect_wall_candidates(&mut self) {
-        let skin = self.neighborhood.outer_skin;
+        let skin = self.neighborhood.settings.skin;
         let scene = ContactScene {
             spheres: &self.particles.spheres,
             velocities: &self.particles.velocities,

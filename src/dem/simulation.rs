@@ -5,7 +5,7 @@ use super::feed::Feed;
 use super::feed::runner::FeedRunner;
 use super::law::constants::LawTable;
 use super::law::{LawSettings, RollingLaw};
-use super::neighborhood::Neighborhood;
+use super::neighborhood::{ListSettings, Neighborhood};
 use super::particles::Particles;
 use super::presence::{PartEvent, Presence};
 use super::removal::Removal;
@@ -104,7 +104,12 @@ impl Simulation {
             terms,
             threads: Threads::new(setup.threads),
             particles: Particles::default(),
-            neighborhood: Neighborhood::new(setup.skin, setup.domain, setup.periodic, terms),
+            neighborhood: Neighborhood::new(ListSettings {
+                skin: setup.skin,
+                domain: setup.domain,
+                periodic: setup.periodic,
+                remembers: terms.friction || terms.rolling,
+            }),
             walls,
             presence,
             feeds,

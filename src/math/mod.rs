@@ -12,7 +12,7 @@ pub const fn vec3(x: f64, y: f64, z: f64) -> Vec3 {
 }
 
 /// An axis-aligned box, `minimum` and `maximum` corners [m].
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Bounds {
     /// Lower corner [m].
     pub minimum: [f64; 3],

@@ -1,0 +1,304 @@
+//! The complete state of a simulation as plain columns: what a checkpoint file holds.
+//!
+//! Taking a record changes nothing. A simulation made from its record goes on bit for bit: particles keep their storage order,
+//! the pair lists are made again at the very centres at which they were made, and every counter is kept.
+
+use super::energy::EnergyBudget;
+use super::feed::FeedRunnerState;
+use super::neighbor::list::Memory;
+use super::neighborhood::ListSettings;
+use super::particles::{Acceleration, Load, Particles, Path, Sphere, Velocity};
+use super::presence::PresenceRecord;
+use super::removal::Removal;
+use super::simulation::{Setup, Simulation};
+use super::wall_contacts::WallContact;
+use super::watchdog::EnergyWatch;
+use crate::math::Vec3;
+use crate::particle::ParticleId;
+use serde::{Deserialize, Serialize};
+
+/// A simulation's state: named columns and a small text.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SimulationRecord {
+    /// Real columns by name.
+    pub reals: Vec<(&'static str, Vec<f64>)>,
+    /// Integer columns by name.
+    pub integers: Vec<(&'static str, Vec<u64>)>,
+    /// Everything small, as JSON.
+    pub progress: String,
+}
+
+/// Names of the real columns of a record.
+pub const REAL_COLUMNS: [&str; 9] = [
+    "sphere",
+    "velocity",
+    "acceleration",
+    "load",
+    "density",
+    "outer_reference",
+    "inner_reference",
+    "pair_memory",
+    "wall_memory",
+];
+/// Names of the integer columns of a record.
+pub const INTEGER_COLUMNS: [&str; 4] = ["id", "material", "path", "wall_contact"];
+
+/// Why a record cannot be continued from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordError(pub String);
+
+impl std::fmt::Display for RecordError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for RecordError {}
+
+/// The small part of a record.
+#[derive(Debug, Serialize, Deserialize)]
+struct Progress {
+    steps: u64,
+    loads_known: bool,
+    part_names: Vec<String>,
+    lists: ListSettings,
+    motion_bounds: [f64; 3],
+    booked: EnergyBudget,
+    removed: Vec<Removal>,
+    presence: PresenceRecord,
+    energy_watch: EnergyWatch,
+    feeds: FeedRunnerState,
+    part_loads: Vec<[f64; 7]>,
+}
+
+impl SimulationRecord {
+    fn reals(&self, name: &str) -> Result<&[f64], RecordError> {
+        let found = self.reals.iter().find(|(held, _)| *held == name).map(|(_, column)| column.as_slice());
+        found.ok_or_else(|| RecordError(format!("column '{name}' is missing")))
+    }
+
+    fn integers(&self, name: &str) -> Result<&[u64], RecordError> {
+        let found = self.integers.iter().find(|(held, _)| *held == name).map(|(_, column)| column.as_slice());
+        found.ok_or_else(|| RecordError(format!("column '{name}' is missing")))
+    }
+
+    /// Rows of a real column, for `count` particles.
+    fn rows<const WIDTH: usize>(&self, name: &str, count: Option<usize>) -> Result<Vec<[f64; WIDTH]>, RecordError> {
+        let (rows, rest) = self.reals(name)?.as_chunks::<WIDTH>();
+        if !rest.is_empty() || count.is_some_and(|count| rows.len() != count) {
+            return Err(RecordError(format!("column '{name}' has {} rows, not {count:?}", rows.len())));
+        }
+        Ok(rows.to_vec())
+    }
+
+    fn progress(&self) -> Result<Progress, RecordError> {
+        serde_json::from_str(&self.progress)
+            .map_err(|error| RecordError(format!("the progress is unreadable: {error}")))
+    }
+
+    fn particles(&self) -> Result<Particles, RecordError> {
+        let (ids, material, path) = (self.integers("id")?, self.integers("material")?, self.integers("path")?);
+        let count = ids.len();
+        if material.len() != count || path.len() != count {
+            return Err(RecordError("the columns 'id', 'material' and 'path' differ in length".to_owned()));
+        }
+        let paths: Option<Vec<Path>> = path.iter().map(|&n| Path::from_number(u8::try_from(n).ok()?)).collect();
+        let paths = paths.ok_or_else(|| RecordError("column 'path' holds an unknown kind of path".to_owned()))?;
+        let velocities = self.rows::<7>("velocity", Some(count))?;
+        let velocities = velocities.iter().zip(material).zip(paths).map(|((row, &material), path)| Velocity {
+            linear: [row[0], row[1], row[2]],
+            inverse_mass: row[3],
+            angular: [row[4], row[5], row[6]],
+            material: material as u32,
+            path,
+        });
+        let two = |row: &[f64; 6]| (Vec3::new(row[0], row[1], row[2]), Vec3::new(row[3], row[4], row[5]));
+        let spheres = self.rows::<4>("sphere", Some(count))?;
+        let accelerations = self.rows::<6>("acceleration", Some(count))?;
+        let loads = self.rows::<6>("load", Some(count))?;
+        Ok(Particles {
+            spheres: spheres.iter().map(|r| Sphere { centre: [r[0], r[1], r[2]], radius: r[3] }).collect(),
+            velocities: velocities.collect(),
+            accelerations: accelerations
+                .iter()
+                .map(|row| Acceleration { linear: two(row).0, angular: two(row).1 })
+                .collect(),
+            loads: loads.iter().map(|row| Load { force: two(row).0, torque: two(row).1 }).collect(),
+            ids: ids.iter().map(|&id| ParticleId(id)).collect(),
+            densities: self.rows::<1>("density", Some(count))?.iter().map(|row| row[0]).collect(),
+        })
+    }
+
+    fn wall_contacts(&self, count: usize, parts: &[Option<u16>]) -> Result<Vec<WallContact>, RecordError> {
+        let (keys, rest) = self.integers("wall_contact")?.as_chunks::<3>();
+        let memories = self.rows::<9>("wall_memory", Some(keys.len()))?;
+        let bad = || RecordError("column 'wall_contact' names a particle or part that does not exist".to_owned());
+        if !rest.is_empty() || keys.iter().any(|key| key[0] >= count as u64 || key[1] >= parts.len() as u64) {
+            return Err(bad());
+        }
+        let contact = |(key, row): (&[u64; 3], &[f64; 9])| {
+            Some(WallContact {
+                particle: key[0] as u32,
+                part: parts[key[1] as usize]?,
+                element: key[2] as u32,
+                normal: Vec3::new(row[0], row[1], row[2]),
+                memory: memory(&[row[3], row[4], row[5], row[6], row[7], row[8]]),
+            })
+        };
+        Ok(keys.iter().zip(&memories).filter_map(contact).collect())
+    }
+}
+
+fn memory(row: &[f64; 6]) -> Memory {
+    Memory { tangential: Vec3::new(row[0], row[1], row[2]), rolling: Vec3::new(row[3], row[4], row[5]) }
+}
+
+fn memory_row(memory: &Memory) -> impl Iterator<Item = f64> {
+    memory.tangential.iter().chain(memory.rolling.iter()).copied().collect::<Vec<f64>>().into_iter()
+}
+
+impl Simulation {
+    /// The complete state.
+    #[must_use]
+    pub fn record(&self) -> SimulationRecord {
+        let p = &self.particles;
+        let pair = |[a, b]: [&Vec3; 2]| [a.x, a.y, a.z, b.x, b.y, b.z];
+        let neighborhood = &self.neighborhood;
+        let walls = || neighborhood.chunks.iter().flat_map(|chunk| &chunk.wall_contacts);
+        let pairs = neighborhood.chunks.iter().flat_map(|chunk| chunk.own.memory.iter().chain(&chunk.cross.memory));
+        let velocity = |v: &Velocity| {
+            [v.linear[0], v.linear[1], v.linear[2], v.inverse_mass, v.angular[0], v.angular[1], v.angular[2]]
+        };
+        let columns: [Vec<f64>; 9] = [
+            p.spheres.iter().flat_map(|s| [s.centre[0], s.centre[1], s.centre[2], s.radius]).collect(),
+            p.velocities.iter().flat_map(velocity).collect(),
+            p.accelerations.iter().flat_map(|a| pair([&a.linear, &a.angular])).collect(),
+            p.loads.iter().flat_map(|load| pair([&load.force, &load.torque])).collect(),
+            p.densities.clone(),
+            neighborhood.outer_reference.iter().flatten().copied().collect(),
+            neighborhood.inner_reference.iter().flatten().copied().collect(),
+            pairs.flat_map(memory_row).collect(),
+            walls().flat_map(|c| c.normal.iter().copied().chain(memory_row(&c.memory)).collect::<Vec<_>>()).collect(),
+        ];
+        let keys = walls().flat_map(|c| [u64::from(c.particle), u64::from(c.part), u64::from(c.element)]);
+        let integers: [Vec<u64>; 4] = [
+            p.ids.iter().map(|id| id.0).collect(),
+            p.velocities.iter().map(|v| u64::from(v.material)).collect(),
+            p.velocities.iter().map(|v| v.path as u64).collect(),
+            keys.collect(),
+        ];
+        SimulationRecord {
+            reals: REAL_COLUMNS.into_iter().zip(columns).collect(),
+            integers: INTEGER_COLUMNS.into_iter().zip(integers).collect(),
+            progress: self.progress_text(),
+        }
+    }
+
+    fn progress_text(&self) -> String {
+        let load = |l: &super::wall_contacts::PartLoad| {
+            [l.force.x, l.force.y, l.force.z, l.torque.x, l.torque.y, l.torque.z, l.power]
+        };
+        let progress = Progress {
+            steps: self.steps,
+            loads_known: self.loads_known,
+            part_names: self.setup.parts.iter().map(|part| part.name.clone()).collect(),
+            lists: self.neighborhood.settings(),
+            motion_bounds: self.neighborhood.motion_bounds(),
+            booked: self.booked,
+            removed: self.removed.clone(),
+            presence: self.presence.record(),
+            energy_watch: self.watchdog.energy_watch(),
+            feeds: self.feeds.state(),
+            part_loads: self.part_loads.iter().map(load).collect(),
+        };
+        serde_json::to_string(&progress).expect("plain numbers and names become JSON")
+    }
+
+    /// Continues from a record of the same setup, bit for bit.
+    ///
+    /// # Errors
+    /// Where the record does not fit the setup, or is inconsistent.
+    pub fn resume(setup: Setup, record: &SimulationRecord) -> Result<Self, RecordError> {
+        let progress = record.progress()?;
+        let mut simulation = Self::new(setup);
+        let names = simulation.setup.parts.iter().map(|part| &part.name);
+        if !names.eq(&progress.part_names) {
+            return Err(RecordError("the parts are not those of the scene that wrote it".to_owned()));
+        }
+        if !simulation.feeds.fits(&progress.feeds) {
+            return Err(RecordError("the feeds are not those of the scene that wrote it".to_owned()));
+        }
+        if simulation.neighborhood.settings() != progress.lists {
+            return Err(RecordError(
+                "the domain, skin or friction are not those of the scene that wrote it".to_owned(),
+            ));
+        }
+        simulation.take_particles(record, &progress)?;
+        simulation.steps = progress.steps;
+        simulation.loads_known = progress.loads_known;
+        simulation.booked = progress.booked;
+        simulation.removed = progress.removed;
+        simulation.presence.restore(progress.presence, &mut simulation.walls);
+        simulation.watchdog.restore_energy_watch(progress.energy_watch);
+        simulation.feeds.restore(progress.feeds);
+        for (load, row) in simulation.part_loads.iter_mut().zip(&progress.part_loads) {
+            load.force = Vec3::new(row[0], row[1], row[2]);
+            load.torque = Vec3::new(row[3], row[4], row[5]);
+            load.power = row[6];
+        }
+        simulation.walls.set_time(simulation.time());
+        simulation.collect_wall_candidates();
+        simulation.neighborhood.set_motion_bounds(progress.motion_bounds);
+        Ok(simulation)
+    }
+
+    /// Starts anew at time 0 with the particles and contacts of another run's record, under this setup's parts and feeds.
+    /// Contacts with parts of the same name keep their memory. The particles' feed numbers move behind this setup's own feeds.
+    ///
+    /// # Errors
+    /// Where the record is inconsistent, or a particle has a material that this setup lacks.
+    pub fn start_from(setup: Setup, record: &SimulationRecord) -> Result<Self, RecordError> {
+        let progress = record.progress()?;
+        let mut simulation = Self::new(setup);
+        let settings = simulation.neighborhood.settings();
+        simulation.neighborhood.change_settings(progress.lists);
+        simulation.take_particles(record, &progress)?;
+        simulation.neighborhood.change_settings(settings);
+        let materials = simulation.setup.materials.materials.len() as u32;
+        if simulation.particles.velocities.iter().any(|velocity| velocity.material >= materials) {
+            return Err(RecordError(format!(
+                "its particles have materials that this scene lacks (it has {materials})"
+            )));
+        }
+        let own = simulation.setup.feeds.len() as u32;
+        for id in &mut simulation.particles.ids {
+            *id = ParticleId::new(id.feed() + own, id.serial());
+        }
+        for index in 0..simulation.particles.len() {
+            let state = simulation.particles.state(index);
+            simulation.booked.inserted += simulation.mechanical_energy_of(&state);
+        }
+        simulation.watchdog.expect_new_energy();
+        simulation.rebuild_neighborhood();
+        Ok(simulation)
+    }
+
+    fn take_particles(&mut self, record: &SimulationRecord, progress: &Progress) -> Result<(), RecordError> {
+        self.particles = record.particles()?;
+        let count = self.particles.len();
+        if count == 0 {
+            return Ok(());
+        }
+        let outer = record.rows::<3>("outer_reference", Some(count))?;
+        let inner = record.rows::<3>("inner_reference", Some(count))?;
+        self.neighborhood.restore(&self.particles, outer, inner, progress.motion_bounds, &self.threads);
+        let memories = record.rows::<6>("pair_memory", None)?;
+        self.neighborhood.set_pair_memory(&mut memories.iter().map(memory)).map_err(RecordError)?;
+        let same_name =
+            |name: &String| self.setup.parts.iter().position(|part| part.name == *name).map(|index| index as u16);
+        let parts: Vec<Option<u16>> = progress.part_names.iter().map(same_name).collect();
+        let walls = record.wall_contacts(count, &parts)?;
+        self.give_wall_contacts(walls);
+        Ok(())
+    }
+}

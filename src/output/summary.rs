@@ -1,0 +1,269 @@
+//! `summary.json`: the result of a run for machines; snake_case names with units.
+
+use super::OutputError;
+use super::staging::write_whole;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// Version of the summary: another major means that a field changed its meaning or went away.
+pub const FORMAT_MAJOR: u32 = 1;
+/// A larger minor only adds fields.
+pub const FORMAT_MINOR: u32 = 0;
+
+/// The result of one run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// See [`FORMAT_MAJOR`].
+    pub format_major: u32,
+    /// See [`FORMAT_MINOR`].
+    pub format_minor: u32,
+    /// Version of the program that ran.
+    pub tollgate_version: String,
+    /// What was run.
+    pub scene: SceneProvenance,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// One entry per stage, upstream first.
+    pub stages: Vec<StageSummary>,
+    /// One entry per gate.
+    pub gates: Vec<serde_json::Value>,
+    /// Measures by name (`heap_angle_deg`, `heap_angle_uncertainty_deg`, ...); null where one could not be taken.
+    pub measures: BTreeMap<String, serde_json::Value>,
+    /// What each feed was asked for and what it inserted.
+    pub feeds: Vec<FeedSummary>,
+    /// Particles that left, by cause.
+    pub removed: Vec<RemovalSummary>,
+    /// What happened when: parts that appeared or disappeared, feeds that ended.
+    pub events: Vec<EventSummary>,
+    /// Wall time by phase [s].
+    pub timing_s: BTreeMap<String, f64>,
+    /// Warnings, in the words the user saw.
+    pub warnings: Vec<String>,
+}
+
+/// Where a result comes from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct SceneProvenance {
+    /// Name of the scene.
+    pub name: String,
+    /// The file, as the user gave it.
+    pub file: String,
+    /// blake3 digest of the scene file's bytes, hexadecimal.
+    pub blake3: String,
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Settings changed on the command line, as `key=value`.
+    pub overrides: Vec<String>,
+    /// The checkpoint it started from, where it did.
+    pub started_from: Option<String>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct Outcome {
+    /// Exit status of the run.
+    pub exit_code: u8,
+    /// Why it ended: `time`, `at rest`, `empty`, `count`, `interrupted`, or the watchdog's words.
+    pub reason: String,
+    /// Plant time reached [s].
+    pub time_s: f64,
+}
+
+/// One stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct StageSummary {
+    /// Name of the stage.
+    pub name: String,
+    /// Who computed it.
+    pub backend: String,
+    /// Version of who computed it.
+    pub version: String,
+    /// Time steps done.
+    pub steps: u64,
+    /// Time step [s].
+    pub timestep_s: f64,
+    /// Particles at the end.
+    pub particles: u64,
+    /// Wall time [s].
+    pub wall_s: f64,
+    /// Processor time of all threads [s]; null where the system does not tell.
+    pub cpu_s: Option<f64>,
+    /// Particles times steps per second of wall time [1/s].
+    pub particle_steps_per_s: f64,
+    /// Largest memory in use [bytes]; null where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+    /// Threads used.
+    pub threads: u64,
+}
+
+/// One feed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct FeedSummary {
+    /// Name of the feed.
+    pub name: String,
+    /// Particles asked for, where the scene counts them.
+    pub asked_count: Option<u64>,
+    /// Mass asked for [kg], where the scene weighs it.
+    pub asked_mass_kg: Option<f64>,
+    /// Particles inserted.
+    pub inserted_count: u64,
+    /// Mass inserted [kg].
+    pub inserted_mass_kg: f64,
+    /// Size classes, asked against inserted.
+    pub grading: Vec<GradingSummary>,
+    /// Why less was inserted than asked for; null where nothing is missing.
+    pub shortfall: Option<String>,
+}
+
+/// One size class of a feed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct GradingSummary {
+    /// Lower sieve [m].
+    pub from_m: f64,
+    /// Upper sieve [m].
+    pub to_m: f64,
+    /// Share asked for [-].
+    pub asked_fraction: f64,
+    /// Share inserted [-].
+    pub inserted_fraction: f64,
+}
+
+/// Particles that left by one cause.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct RemovalSummary {
+    /// The cause: the border of the domain, a condition, ...
+    pub cause: String,
+    /// How many.
+    pub count: u64,
+    /// Their mass [kg].
+    pub mass_kg: f64,
+}
+
+/// Something that happened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct EventSummary {
+    /// Plant time [s].
+    pub time_s: f64,
+    /// What happened.
+    pub what: String,
+}
+
+impl Default for Summary {
+    fn default() -> Self {
+        Self {
+            format_major: FORMAT_MAJOR,
+            format_minor: FORMAT_MINOR,
+            tollgate_version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: SceneProvenance::default(),
+            outcome: Outcome::default(),
+            stages: Vec::new(),
+            gates: Vec::new(),
+            measures: BTreeMap::new(),
+            feeds: Vec::new(),
+            removed: Vec::new(),
+            events: Vec::new(),
+            timing_s: BTreeMap::new(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
+impl Summary {
+    /// Sets a measure. JSON knows no NaN and no infinity: such a value becomes null.
+    pub fn measure(&mut self, name: &str, value: impl Into<serde_json::Value>) {
+        self.measures.insert(name.to_owned(), value.into());
+    }
+
+    /// Writes the summary; an older one stays until the new one is whole.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+        let mut text =
+            serde_json::to_vec_pretty(self).map_err(|error| OutputError::mismatch(path, error.to_string()))?;
+        text.push(b'\n');
+        write_whole(path, &text)
+    }
+
+    /// Reads a summary, also of a newer minor version.
+    ///
+    /// # Errors
+    /// When the file cannot be read, is no summary, or has another major version.
+    pub fn read(path: &Path) -> Result<Self, OutputError> {
+        #[derive(Deserialize)]
+        struct VersionOnly {
+            format_major: u32,
+        }
+        let text = fs::read(path).map_err(|source| OutputError::system("read", path, source))?;
+        let unusable =
+            |error: serde_json::Error| OutputError::unusable(path, format!("it is no summary of a run ({error})"));
+        let version: VersionOnly = serde_json::from_slice(&text).map_err(unusable)?;
+        if version.format_major != FORMAT_MAJOR {
+            let reason = format!(
+                "it has format {}; this program reads format {FORMAT_MAJOR}; use the version that wrote it",
+                version.format_major
+            );
+            return Err(OutputError::unusable(path, reason));
+        }
+        serde_json::from_slice(&text).map_err(unusable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Summary {
+        let mut summary = Summary {
+            scene: SceneProvenance { name: "chute".to_owned(), seed: u64::MAX, ..SceneProvenance::default() },
+            outcome: Outcome { exit_code: 0, reason: "time".to_owned(), time_s: 0.1 + 0.2 },
+            stages: vec![StageSummary {
+                timestep_s: 1.0 / 3.0 * 1e-5,
+                particle_steps_per_s: 1e7 / 3.0,
+                peak_memory_bytes: Some(123),
+                ..StageSummary::default()
+            }],
+            feeds: vec![FeedSummary { shortfall: Some("full".to_owned()), ..FeedSummary::default() }],
+            removed: vec![RemovalSummary::default()],
+            events: vec![EventSummary { time_s: 5e-324, what: "gate opened".to_owned() }],
+            warnings: vec!["mind the gap".to_owned()],
+            ..Summary::default()
+        };
+        summary.measure("heap_angle_deg", 37.1);
+        summary.timing_s.insert("contacts".to_owned(), 1.5);
+        summary
+    }
+
+    #[test]
+    fn a_summary_reads_back_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("summary.json");
+        sample().write(&path).unwrap();
+        assert_eq!(Summary::read(&path).unwrap(), sample());
+    }
+
+    #[test]
+    fn a_measure_that_is_not_a_number_becomes_null() {
+        let mut summary = sample();
+        summary.measure("heap_angle_deg", f64::NAN);
+        assert!(summary.measures["heap_angle_deg"].is_null());
+    }
+
+    #[test]
+    fn newer_and_foreign_summaries_are_told_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("summary.json");
+        let read = |text: String| {
+            fs::write(&path, text).unwrap();
+            Summary::read(&path)
+        };
+        let text = serde_json::to_string(&sample()).unwrap();
+        assert_eq!(read(text.replacen('{', "{\"later\":1,", 1)).unwrap(), sample(), "a newer minor only adds");
+        let newer = read(text.replace("\"format_major\":1", "\"format_major\":2")).unwrap_err();
+        assert!(newer.to_string().contains("it has format 2; this program reads format 1"), "{newer}");
+        assert!(read("{}".to_owned()).unwrap_err().to_string().contains("no summary of a run"));
+        assert!(read(text[..text.len() / 2].to_owned()).is_err());
+    }
+}
