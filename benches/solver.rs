@@ -26,8 +26,7 @@ const DENSITY: f64 = 2500.0;
 
 fn materials(friction: f64) -> MaterialTable {
     let elasticity = Some(Elasticity::Isotropic { youngs_modulus: 5e6, poissons_ratio: 0.45 });
-    let mut table =
-        MaterialTable::new(vec![Material { name: "grain".into(), density: Some(DENSITY), elasticity }]);
+    let mut table = MaterialTable::new(vec![Material { name: "grain".into(), density: Some(DENSITY), elasticity }]);
     let contact = PairContact::Restitution { coefficient: 0.3 };
     table.set_pair(0, 0, PairProperties { contact, sliding_friction: friction, rolling_friction: 0.0 });
     table
@@ -60,9 +59,8 @@ fn box_planes(width: f64) -> Vec<Part> {
 fn mesh_floor(width: f64, side: u32) -> Part {
     let step = width / f64::from(side);
     let corner = |i: u32, j: u32| i * (side + 1) + j;
-    let vertices = (0..=side)
-        .flat_map(|i| (0..=side).map(move |j| vec3(f64::from(i) * step, f64::from(j) * step, 0.0)))
-        .collect();
+    let vertices =
+        (0..=side).flat_map(|i| (0..=side).map(move |j| vec3(f64::from(i) * step, f64::from(j) * step, 0.0))).collect();
     let squares = (0..side).flat_map(|i| (0..side).map(move |j| (i, j)));
     let triangles = squares
         .flat_map(|(i, j)| {
@@ -196,14 +194,17 @@ fn mixed_bed(big: usize) -> Simulation {
     let width = f64::from(side) * pitch;
     let floor_height = big_radius * 1.01;
     let centres: Vec<Vec3> = (0..big)
-        .map(|k| vec3(0.25 + 0.5 * (k % 2) as f64, 0.25 + 0.5 * (k / 2) as f64, 0.0) * width + vec3(0.0, 0.0, floor_height))
+        .map(|k| {
+            vec3(0.25 + 0.5 * (k % 2) as f64, 0.25 + 0.5 * (k / 2) as f64, 0.0) * width + vec3(0.0, 0.0, floor_height)
+        })
         .collect();
     let cells = (0..side * side * layers).map(|k| {
         let cell = vec3(f64::from(k % side), f64::from(k / side % side), f64::from(k / (side * side)));
         (cell + Vec3::repeat(0.5)) * pitch
     });
     let free = cells.filter(|at| centres.iter().all(|c| (c - at).norm() > big_radius + 1.01 * small_radius));
-    let mut particles: Vec<ParticleState> = centres.iter().enumerate().map(|(k, &c)| sphere(k, big_radius, c)).collect();
+    let mut particles: Vec<ParticleState> =
+        centres.iter().enumerate().map(|(k, &c)| sphere(k, big_radius, c)).collect();
     particles.extend(free.enumerate().map(|(k, at)| sphere(big + k, small_radius, at)));
     let size = vec3(width, width, 2.0 * f64::from(layers) * pitch);
     let mut bed = simulation(&particles, box_planes(width), size, 2e-5, 0.2e-3);

@@ -1,6 +1,7 @@
 //! A dense bed against LIGGGHTS: same start state, same time step, same laws, 5000 steps.
 //!
 //! A dense bed is chaotic, so single particles cannot be compared; sums over the bed can.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[path = "liggghts_bed/bed.rs"]
 mod bed;
@@ -20,6 +21,9 @@ const STEPS: u64 = 5000;
 const STATIC_TOLERANCE: f64 = 3e-3;
 /// Kinetic energy of a bed almost at rest: a few rattling spheres make it, hence also the scatter of kicked runs.
 const KINETIC_TOLERANCE: f64 = 0.05;
+
+/// Name, value and tolerance of a compared sum.
+type Row = (&'static str, fn(&Measures) -> f64, f64);
 
 /// Both codes' results from one start state.
 struct Comparison {
@@ -56,7 +60,7 @@ fn scatter(bed: &Bed, start: &[ParticleState], plain: &Measures) -> f64 {
 }
 
 impl Comparison {
-    fn rows(&self) -> [(&'static str, fn(&Measures) -> f64, f64); 4] {
+    fn rows(&self) -> [Row; 4] {
         let kinetic = KINETIC_TOLERANCE.max(self.scatter.unwrap_or(0.0));
         [
             ("contacts between spheres [-]", |m| m.contacts, STATIC_TOLERANCE),
@@ -68,7 +72,9 @@ impl Comparison {
 
     fn table(&self) -> String {
         let mut text = format!("{} spheres, {STEPS} steps\n\n", self.bed.count);
-        text.push_str("| quantity | start | LIGGGHTS | tollgate | difference | tolerance |\n|---|---|---|---|---|---|\n");
+        text.push_str(
+            "| quantity | start | LIGGGHTS | tollgate | difference | tolerance |\n|---|---|---|---|---|---|\n",
+        );
         for (name, value, tolerance) in self.rows() {
             let [start, theirs, ours] = [&self.start, &self.liggghts, &self.tollgate].map(value);
             let difference = 100.0 * (ours / theirs - 1.0);

@@ -101,10 +101,14 @@ fn broken_invariants_are_noticed() {
     }
     caught("galilean-shift", |_| {}, |sample| sample.particles.iter_mut().for_each(|p| p.position *= 1.0 - 1e-9));
     caught("renumbering", |_| {}, |sample| sample.particles[0].position.x += 1e-11);
-    caught("energy-of-impacts", |_| {}, |sample| {
-        if let Some(energy) = &mut sample.energy {
-            energy.slip *= 1.05;
-        }
-    });
+    caught(
+        "energy-of-impacts",
+        |_| {},
+        |sample| {
+            if let Some(energy) = &mut sample.energy {
+                energy.slip *= 1.05;
+            }
+        },
+    );
     caught("chock", |setup| change_pairs(setup, |pair| PairProperties { sliding_friction: 0.0, ..pair }), |_| {});
 }

@@ -76,7 +76,10 @@ fn balance(experiment: &mut dyn Experiment, name: &str, law: LawSettings) -> Res
     let mut checks = vec![
         row("kinetic energy as accounted", kinetic(last), after.kinetic, 1e-9, "round-off"),
         row("sum of all columns", before.sum(), after.sum(), 1e-3, closes),
-        Check { tolerance: Tolerance::AtMost, ..row("dissipated", kinetic(first), lost, 0.0, "not more than there was") },
+        Check {
+            tolerance: Tolerance::AtMost,
+            ..row("dissipated", kinetic(first), lost, 0.0, "not more than there was")
+        },
     ];
     if law.normal == NormalLaw::Linear && law.rolling != RollingLaw::Epsd2 {
         let sum = EnergySample::sum_without_residual;

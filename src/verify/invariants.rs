@@ -113,7 +113,12 @@ fn momentum(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
 }
 
 /// Compares `after`, brought back by `undo`, with the plain run.
-fn same(name: &str, plain: &[ParticleState], after: &[ParticleState], undo: impl Fn(&ParticleState) -> ParticleState) -> Check {
+fn same(
+    name: &str,
+    plain: &[ParticleState],
+    after: &[ParticleState],
+    undo: impl Fn(&ParticleState) -> ParticleState,
+) -> Check {
     let difference = plain.iter().zip(after).map(|(a, b)| {
         let b = undo(b);
         let turn = (a.spin - b.spin).norm() * a.radius * 1e-3;

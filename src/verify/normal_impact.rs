@@ -251,8 +251,6 @@ fn cut_off(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
     Ok(checks)
 }
 
-fn phases(
-    mut run: impl FnMut(f64) -> Result<MeasuredImpact, String>,
-) -> Result<Vec<MeasuredImpact>, String> {
+fn phases(mut run: impl FnMut(f64) -> Result<MeasuredImpact, String>) -> Result<Vec<MeasuredImpact>, String> {
     (0..PHASES).map(|k| run(f64::from(k) / f64::from(PHASES))).collect()
 }

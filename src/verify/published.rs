@@ -2,13 +2,8 @@
 
 /// Chung and Ooi (2011), test 4: incidence from the normal [deg], published tangential restitution e_t [-], and e_t of
 /// the `total` tangential spring at the full Mindlin stiffness (own calculation, independent of this code).
-pub(super) const TEST_4_STICKING: [(f64, f64, f64); 5] = [
-    (5.0, 0.948, 0.9528),
-    (10.0, 0.687, 0.6980),
-    (15.0, 0.624, 0.6299),
-    (20.0, 0.616, 0.6201),
-    (25.0, 0.634, 0.6381),
-];
+pub(super) const TEST_4_STICKING: [(f64, f64, f64); 5] =
+    [(5.0, 0.948, 0.9528), (10.0, 0.687, 0.6980), (15.0, 0.624, 0.6299), (20.0, 0.616, 0.6201), (25.0, 0.634, 0.6381)];
 
 /// Realised against asked restitution with the no-attraction cut-off, the same for the linear law and Hertz.
 /// After Schwager and Poeschel (2007), tabulated to four digits.
@@ -44,8 +39,14 @@ mod tests {
         let (e, nu, r) = (3.8e11, 0.23, 2.5e-3);
         let shear = e / (2.0 * (1.0 + nu)) / (2.0 - nu);
         let contact = HertzContact { modulus: e / (1.0 - nu * nu), radius: r, mass: sphere_mass(r, 4000.0) };
-        let impact =
-            ObliqueImpact { contact, shear_modulus: shear, restitution: 0.98, friction: 0.092, law: Tangential::Total, arm_shortening: 0.0 };
+        let impact = ObliqueImpact {
+            contact,
+            shear_modulus: shear,
+            restitution: 0.98,
+            friction: 0.092,
+            law: Tangential::Total,
+            arm_shortening: 0.0,
+        };
         for (degrees, _, total) in super::TEST_4_STICKING {
             let angle = f64::to_radians(degrees);
             let rebound = oblique_rebound(&impact, 3.9 * angle.cos(), 3.9 * angle.sin());

@@ -42,7 +42,8 @@ pub fn hertz_impact(contact: &HertzContact, speed: f64) -> Impact {
     let factor = contact.modulus * contact.radius.sqrt();
     let overlap = (15.0 * contact.mass * speed * speed / (16.0 * factor)).powf(0.4);
     // x = 1 - u^2 takes the square-root singularity at x = 1 away
-    let integrand = |u: f64| if u == 0.0 { 2.0 / 2.5_f64.sqrt() } else { 2.0 * u / (1.0 - (1.0 - u * u).powf(2.5)).sqrt() };
+    let integrand =
+        |u: f64| if u == 0.0 { 2.0 / 2.5_f64.sqrt() } else { 2.0 * u / (1.0 - (1.0 - u * u).powf(2.5)).sqrt() };
     Impact {
         overlap,
         force: 4.0 / 3.0 * factor * overlap.powf(1.5),

@@ -8,7 +8,11 @@ use std::fmt::Write as _;
 pub fn table(results: &[CaseResult]) -> String {
     let mut text = String::new();
     for result in results {
-        let _ = writeln!(text, "{}: {} [{}] ({:.1} s)", result.case.name, result.case.title, result.case.source, result.wall_time);
+        let _ = writeln!(
+            text,
+            "{}: {} [{}] ({:.1} s)",
+            result.case.name, result.case.title, result.case.source, result.wall_time
+        );
         match &result.checks {
             Ok(checks) => text.push_str(&rows(checks)),
             Err(reason) => {

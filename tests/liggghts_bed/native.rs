@@ -23,8 +23,7 @@ const LAW: LawSettings = LawSettings {
 /// The bed in its box, ready to step.
 pub fn simulation(bed: &Bed, start: &[ParticleState], threads: usize) -> Simulation {
     let elasticity = Some(Elasticity::Isotropic { youngs_modulus: 5e6, poissons_ratio: 0.45 });
-    let mut materials =
-        MaterialTable::new(vec![Material { name: "grain".into(), density: Some(2500.0), elasticity }]);
+    let mut materials = MaterialTable::new(vec![Material { name: "grain".into(), density: Some(2500.0), elasticity }]);
     let contact = PairContact::Restitution { coefficient: 0.5 };
     materials.set_pair(0, 0, PairProperties { contact, sliding_friction: 0.5, rolling_friction: 0.0 });
     let size = bed.size();

@@ -60,11 +60,8 @@ pub fn write_liggghts(path: &Path, states: &[ParticleState], size: &Vec3) {
     text.push_str("\nVelocities\n\n");
     for (number, state) in (1..).zip(states) {
         let (v, w) = (&state.velocity, &state.spin);
-        let _ = writeln!(
-            text,
-            "{number} {:.17e} {:.17e} {:.17e} {:.17e} {:.17e} {:.17e}",
-            v.x, v.y, v.z, w.x, w.y, w.z
-        );
+        let _ =
+            writeln!(text, "{number} {:.17e} {:.17e} {:.17e} {:.17e} {:.17e} {:.17e}", v.x, v.y, v.z, w.x, w.y, w.z);
     }
     fs::write(path, text).unwrap();
 }
@@ -113,8 +110,7 @@ pub fn measure(states: &[ParticleState]) -> Measures {
             let shift = [neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1];
             let place = [home[0] + shift[0], home[1] + shift[1], home[2] + shift[2]];
             for &other in cells.get(&place).into_iter().flatten().filter(|&&other| other > index) {
-                let overlap =
-                    state.radius + states[other].radius - (state.position - states[other].position).norm();
+                let overlap = state.radius + states[other].radius - (state.position - states[other].position).norm();
                 if overlap > 0.0 {
                     contacts += 1.0;
                     overlaps += overlap;
