@@ -105,6 +105,11 @@ impl MaterialTable {
         self.pairs[usize::from(b) * count + usize::from(a)] = Some(properties);
     }
 
+    /// Sets sliding friction to zero for every pair.
+    pub fn remove_sliding_friction(&mut self) {
+        self.pairs.iter_mut().flatten().for_each(|pair| pair.sliding_friction = 0.0);
+    }
+
     /// The properties between `a` and `b`, where the scene gives them.
     #[must_use]
     pub fn pair(&self, a: u16, b: u16) -> Option<&PairProperties> {

@@ -16,6 +16,8 @@ const FEWEST_BINS: usize = 8;
 const FEWEST_OUTER_BINS: usize = 3;
 /// Largest number of places tried for each end of the slope.
 const MOST_PLACES: usize = 28;
+/// A piece beside the slope belongs to it where it is at least this share as steep.
+const NEARLY_AS_STEEP: f64 = 0.7;
 /// A second flank counts where it falls at least this share of the first one's height.
 const SECOND_FLANK: f64 = 0.5;
 const RESAMPLES: usize = 400;
@@ -65,7 +67,8 @@ impl Flank {
 /// running median of five bins) each side is a flank as far as the surface goes on. On a flank, the slope is told from a
 /// rounded crest and a run-out toe by continuous lines of one, two or three pieces, fitted to the least sum of absolute
 /// distances at every choice of joints; the number of pieces is that of the smallest Bayesian information criterion
-/// (Laplace scatter, three parameters a joint), and the piece with the largest fall is the slope. Its angle is that of
+/// (Laplace scatter, three parameters a joint), and the piece with the largest fall is
+/// the slope, with its neighbours where they are at least 0.7 times as steep. Its angle is that of
 /// the Theil-Sen line through its bins. A second flank of at least half the height is measured too.
 ///
 /// Uncertainty of a flank, in quadrature: roughness = scatter of the angle over 400 moving-block resamples of the
@@ -83,8 +86,7 @@ pub fn angle_of_repose(
         .ok_or_else(|| Unmeasurable("no particle in the region of the heap".into()))?;
     let bin_width = BIN_OVER_DIAMETER * sizes.percentile(0.5).diameter;
     let profile = surface_profile(particles, region, along, bin_width);
-    let mut flanks: Vec<Flank> =
-        sides(&profile).iter().filter_map(|side| measure_flank(side, bin_width)).collect();
+    let mut flanks: Vec<Flank> = sides(&profile).iter().filter_map(|side| measure_flank(side, bin_width)).collect();
     let fall = |flank: &Flank| flank.upper.height - flank.lower.height;
     flanks.sort_by(|a, b| fall(b).total_cmp(&fall(a)));
     let Some(highest) = flanks.first().map(fall) else {
@@ -154,15 +156,20 @@ fn measure_flank(side: &[SurfacePoint], bin_width: f64) -> Option<Flank> {
     })
 }
 
-/// Scatter of the angle [rad] over resamples of the residuals.
+/// Scatter of the angle [rad] over resamples of the residuals. Blocks are as long as the residuals remember, but a few
+/// dozen bins tell that poorly and a resample of few blocks scatters too little; single bins are the lower limit.
 fn roughness(x: &[f64], h: &[f64], line: &Line) -> Option<f64> {
     let residuals: Vec<f64> = x.iter().zip(h).map(|(x, h)| h - line.at(*x)).collect();
-    let (count, block) = (residuals.len(), block_length(&residuals));
+    let remembered = block_length(&residuals);
+    Some(scatter(x, &residuals, line, remembered)?.max(scatter(x, &residuals, line, 1)?))
+}
+
+fn scatter(x: &[f64], residuals: &[f64], line: &Line, block: usize) -> Option<f64> {
+    let count = residuals.len();
     let mut resampler = BlockBootstrap::new(count, block, SEED);
     let angles: Vec<f64> = (0..RESAMPLES)
         .filter_map(|_| {
-            let drawn: Vec<f64> =
-                resampler.draw().iter().zip(x).map(|(k, x)| line.at(*x) + residuals[*k]).collect();
+            let drawn: Vec<f64> = resampler.draw().iter().zip(x).map(|(k, x)| line.at(*x) + residuals[*k]).collect();
             theil_sen(x, &drawn).map(|line| line.slope.atan())
         })
         .collect();
@@ -191,8 +198,7 @@ fn slope_extent(x: &[f64], h: &[f64], bin_width: f64) -> Option<Range<usize>> {
         let mut ends = vec![0];
         ends.extend(&joints);
         ends.push(count - 1);
-        let falls = ends.windows(2).map(|e| (fitted[e[0]] - fitted[e[1]], e[0]..e[1] + 1));
-        let Some((_, slope)) = falls.max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+        let Some(slope) = steepest_run(x, &fitted, &ends) else { continue };
         // Distances below a fiftieth of a bin are no roughness of a surface of spheres: they prove no further joint.
         let distance = (distances / count as f64).max(0.02 * bin_width);
         let criterion = 2.0 * count as f64 * distance.ln() + (2 + 3 * joints.len()) as f64 * (count as f64).ln();
@@ -201,6 +207,19 @@ fn slope_extent(x: &[f64], h: &[f64], bin_width: f64) -> Option<Range<usize>> {
         }
     }
     best.map(|(_, slope)| slope)
+}
+
+/// The piece with the largest fall, and the pieces next to it that are nearly as steep: a slope that bends a little is
+/// one slope, and its bend goes into the uncertainty.
+fn steepest_run(x: &[f64], fitted: &[f64], ends: &[usize]) -> Option<Range<usize>> {
+    let fall = |k: usize| fitted[ends[k]] - fitted[ends[k + 1]];
+    let steepness = |k: usize| fall(k) / (x[ends[k + 1]] - x[ends[k]]).abs();
+    let pieces = ends.len() - 1;
+    let main = (0..pieces).max_by(|a, b| fall(*a).total_cmp(&fall(*b)))?;
+    let belongs = |k: &usize| steepness(*k) >= NEARLY_AS_STEEP * steepness(main);
+    let first = (0..main).rev().take_while(belongs).last().unwrap_or(main);
+    let last = (main + 1..pieces).take_while(belongs).last().unwrap_or(main);
+    Some(ends[first]..ends[last + 1] + 1)
 }
 
 /// Continuous line with joints at the given bins and the least sum of absolute distances (iteratively re-weighted least
@@ -275,7 +294,11 @@ mod tests {
     }
 
     /// Errors [deg] and errors over stated uncertainty of `seeds` heaps with a surface made for `angle` [deg].
-    fn errors(angle: f64, seeds: std::ops::Range<u64>, build: impl Fn(f64, &mut ChaCha8Rng) -> Vec<ParticleState>) -> Vec<[f64; 2]> {
+    fn errors(
+        angle: f64,
+        seeds: Range<u64>,
+        build: impl Fn(f64, &mut ChaCha8Rng) -> Vec<ParticleState>,
+    ) -> Vec<[f64; 2]> {
         let tangent = angle.to_radians().tan();
         seeds
             .map(|seed| {

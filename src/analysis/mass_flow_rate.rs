@@ -1,7 +1,9 @@
 //! Mass flow rate from mass passed against time, or from single crossings.
 
 use super::Unmeasurable;
-use super::statistics::{BlockBootstrap, block_length, quantile_of_sorted, standard_deviation, theil_sen};
+use super::statistics::{
+    BlockBootstrap, autocorrelation_time, block_length, quantile_of_sorted, standard_deviation, theil_sen,
+};
 
 /// Share of the mass passed at which the steady part begins and ends [-].
 const STEADY: [f64; 2] = [0.2, 0.8];
@@ -63,8 +65,7 @@ pub fn mass_flow_rate(samples: &[(f64, f64)]) -> Result<MassFlowRate, Unmeasurab
         interval: [end(0.025), end(0.975)],
         window: [steady[0].0, steady[steady.len() - 1].0],
         drift: (average(second) - average(first)) / rate,
-        // Each half knows its rate sqrt(2) times worse than the whole, and the difference of both sqrt(2) times again.
-        drift_uncertainty: 2.0 * uncertainty / rate,
+        drift_uncertainty: drift_scatter(&rates) / rate,
     })
 }
 
@@ -132,6 +133,19 @@ fn slope(increments: &[(f64, f64)]) -> Option<f64> {
         masses.push(masses[k] + mass);
     }
     theil_sen(&times, &masses).map(|line| line.slope)
+}
+
+/// Standard uncertainty of the difference of the means of both halves [kg/s], from the scatter about a straight trend: a
+/// drift must not count as its own scatter. n rates with autocorrelation time tau are worth n / (2 tau) independent ones.
+fn drift_scatter(rates: &[f64]) -> f64 {
+    let count = rates.len() as f64;
+    let average = rates.iter().sum::<f64>() / count;
+    let place = |k: usize| k as f64 - 0.5 * (count - 1.0);
+    let squares: f64 = (0..rates.len()).map(|k| place(k).powi(2)).sum();
+    let trend = rates.iter().enumerate().map(|(k, rate)| place(k) * rate).sum::<f64>() / squares;
+    let residuals: Vec<f64> = rates.iter().enumerate().map(|(k, rate)| rate - average - trend * place(k)).collect();
+    let independent = count / (2.0 * autocorrelation_time(&residuals));
+    2.0 * standard_deviation(&residuals).unwrap_or(f64::INFINITY) / independent.sqrt()
 }
 
 fn average(increments: &[(f64, f64)]) -> f64 {

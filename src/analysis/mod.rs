@@ -8,7 +8,6 @@ pub mod at_rest;
 pub mod centre_of_mass;
 pub mod coordination_number;
 pub mod energy_budget;
-pub mod mass_beyond_plane;
 pub mod mass_flow_rate;
 pub mod measure;
 pub mod size_distribution;

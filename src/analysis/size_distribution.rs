@@ -35,11 +35,8 @@ impl SizeDistribution {
             GradingBy::Mass => body.mass(p.radius, p.density),
             GradingBy::Number => 1.0,
         };
-        let mut sizes: Vec<(f64, f64)> = particles
-            .iter()
-            .filter(|p| region.contains(&p.position))
-            .map(|p| (2.0 * p.radius, weight(p)))
-            .collect();
+        let mut sizes: Vec<(f64, f64)> =
+            particles.iter().filter(|p| region.contains(&p.position)).map(|p| (2.0 * p.radius, weight(p))).collect();
         sizes.sort_by(|a, b| a.0.total_cmp(&b.0));
         let total: f64 = sizes.iter().map(|(_, w)| w).sum();
         let squares: f64 = sizes.iter().map(|(_, w)| w * w).sum();

@@ -48,7 +48,7 @@ pub fn solid_fraction(
 /// Volume [m3] of the sphere at `centre` [m] of `radius` [m] inside the box `region`.
 ///
 /// V = integral over z of the area of (circle of radius sqrt(r^2 - z^2)) cut by the box's rectangle, which is closed. The
-/// interval is cut where the circle meets a side or a corner; in each piece z is stretched by t^2 (3 - 2 t), which takes
+/// interval is cut where the circle meets a side or a corner; in each half of a piece z is stretched by t^2 (3 - 2 t), which takes
 /// away the square-root behaviour at its ends, and 16-point Gauss-Legendre does the rest.
 #[must_use]
 pub fn sphere_in_box(centre: [f64; 3], radius: f64, region: &Bounds) -> f64 {
@@ -75,7 +75,11 @@ pub fn sphere_in_box(centre: [f64; 3], radius: f64, region: &Bounds) -> f64 {
     cuts.retain(|z| (from..=to).contains(z));
     cuts.sort_by(f64::total_cmp);
     let area = |z: f64| circle_in_rectangle((radius * radius - z * z).max(0.0).sqrt(), rectangle.0, rectangle.1);
-    cuts.windows(2).map(|piece| integrate_stretched(area, piece[0], piece[1])).sum()
+    let halves = |piece: &[f64]| {
+        let middle = 0.5 * (piece[0] + piece[1]);
+        integrate_stretched(area, piece[0], middle) + integrate_stretched(area, middle, piece[1])
+    };
+    cuts.windows(2).map(halves).sum()
 }
 
 /// Area [m2] of the circle of `radius` [m] about the origin inside the rectangle `x` times `y` (ascending pairs) [m].

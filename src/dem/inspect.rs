@@ -68,6 +68,23 @@ impl Simulation {
         Some(self.particles.loads[index].force)
     }
 
+    /// Forces on all particles by their contacts at the last time step [N].
+    pub fn contact_forces(&self) -> impl Iterator<Item = (ParticleId, Vec3)> {
+        self.particles.ids.iter().copied().zip(self.particles.loads.iter().map(|load| load.force))
+    }
+
+    /// Whether a part is there now.
+    #[must_use]
+    pub fn is_present(&self, part: u16) -> bool {
+        self.walls.is_present(part)
+    }
+
+    /// True while a part waits for the particles to come to rest.
+    #[must_use]
+    pub fn awaits_rest(&self) -> bool {
+        self.presence.awaits_rest()
+    }
+
     pub(super) fn contact_scene(&self) -> ContactScene<'_> {
         ContactScene {
             spheres: &self.particles.spheres,

@@ -77,6 +77,17 @@ struct PartPresence {
     watch: RestWatch,
 }
 
+impl PartPresence {
+    /// What the part waits for now.
+    const fn pending(&self) -> Option<Trigger> {
+        match self.state {
+            PresenceState::Awaited => Some(self.appears),
+            PresenceState::Present => Some(self.disappears),
+            PresenceState::Gone => None,
+        }
+    }
+}
+
 /// Where a part stands between appearing and disappearing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum PresenceState {
@@ -115,6 +126,12 @@ impl Presence {
         &self.events
     }
 
+    /// True while a part waits for the particles to come to rest.
+    #[must_use]
+    pub fn awaits_rest(&self) -> bool {
+        self.parts.iter().any(|part| matches!(part.pending(), Some(Trigger::AtRest(_))))
+    }
+
     /// Lets parts appear and disappear; returns the changes of this step.
     pub fn update(
         &mut self,
@@ -127,11 +144,7 @@ impl Presence {
     ) -> Vec<PartEvent> {
         let mut changes = Vec::new();
         for (index, part) in self.parts.iter_mut().enumerate() {
-            let trigger = match part.state {
-                PresenceState::Awaited => part.appears,
-                PresenceState::Present => part.disappears,
-                PresenceState::Gone => continue,
-            };
+            let Some(trigger) = part.pending() else { continue };
             let fires = match trigger {
                 Trigger::Always | Trigger::Never => false,
                 Trigger::At { time: due } => time >= due,

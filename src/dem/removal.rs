@@ -39,6 +39,20 @@ pub enum RemovalCause {
 }
 
 impl RemovalCause {
+    /// In words.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::LowerX => "through the lower x border of the domain",
+            Self::UpperX => "through the upper x border of the domain",
+            Self::LowerY => "through the lower y border of the domain",
+            Self::UpperY => "through the upper y border of the domain",
+            Self::LowerZ => "through the lower z border of the domain",
+            Self::UpperZ => "through the upper z border of the domain",
+            Self::Asked => "taken out",
+        }
+    }
+
     /// The border of `axis` that was crossed.
     #[must_use]
     pub const fn border(axis: usize, upper: bool) -> Self {

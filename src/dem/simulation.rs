@@ -124,6 +124,14 @@ impl Simulation {
         }
     }
 
+    /// Inserts what is due at the present time and computes loads, so that the start can be looked at. Changes no result.
+    pub fn prepare(&mut self) {
+        self.feed_due_particles();
+        if !self.loads_known {
+            self.compute_initial_loads();
+        }
+    }
+
     /// One time step.
     ///
     /// # Errors

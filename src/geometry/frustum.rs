@@ -1,5 +1,6 @@
 //! The shell of revolution of one straight generator, and its closest points to a given point.
 
+use super::part::TriangleMesh;
 use super::triangle::Foot;
 use crate::math::{Bounds, Vec3};
 
@@ -31,6 +32,28 @@ impl Frustum {
         let length = along.norm();
         let axis = if length > 0.0 { along / length } else { Vec3::z() };
         Self { start, axis, length, start_radius, end_radius }
+    }
+
+    /// The shell as triangles between `segments` generators, to be looked at.
+    #[must_use]
+    pub fn to_mesh(&self, segments: u32) -> TriangleMesh {
+        let side = perpendicular(&self.axis);
+        let other = self.axis.cross(&side);
+        let end = self.start + self.axis * self.length;
+        let on_rim = |centre: &Vec3, radius: f64, step: u32| {
+            let angle = std::f64::consts::TAU * f64::from(step % segments) / f64::from(segments);
+            centre + (side * angle.cos() + other * angle.sin()) * radius
+        };
+        let soup: Vec<[Vec3; 3]> = (0..segments)
+            .flat_map(|step| {
+                let [a, b] = [step, step + 1].map(|n| on_rim(&self.start, self.start_radius, n));
+                let [c, d] = [step, step + 1].map(|n| on_rim(&end, self.end_radius, n));
+                [[a, b, d], [a, d, c]]
+            })
+            // A cone's tip has no second triangle.
+            .filter(|[a, b, c]| a != b && b != c && a != c)
+            .collect();
+        TriangleMesh::from_soup(&soup)
     }
 
     /// The smallest box around it: a disc of radius R about axis u reaches R sqrt(1 - u_x^2) along x.

@@ -1,4 +1,20 @@
 //! The scene: what was asked for, validated and in SI units.
+//!
+//! [`read`] parses the file into a tree that knows where everything stands (`tree`), reads it key by key (`reader`,
+//! `resolve`) and checks what must hold between keys (`rules`). It finds everything that is wrong at once.
+
+pub mod diagnostics;
+mod extent;
+mod quantity;
+mod read;
+mod reader;
+mod resolve;
+mod rules;
+mod schema;
+mod tree;
+
+pub use diagnostics::{Finding, Severity};
+pub use read::{read, read_text};
 
 use crate::dem::feed::Feed;
 use crate::dem::law::LawSettings;

@@ -1,0 +1,54 @@
+//! Who computes a stage.
+
+pub mod native;
+
+use crate::dem::watchdog::Stop;
+use crate::exit_code;
+use crate::output::OutputError;
+
+/// Why a stage was not computed to its end.
+#[derive(Debug)]
+pub enum BackendError {
+    /// The watchdog stopped an unstable run; everything written so far is readable.
+    Unstable(Stop),
+    /// The disk or system refused, or a file that should be continued cannot be used.
+    Output(OutputError),
+    /// A checkpoint does not fit what is asked of it.
+    Checkpoint(String),
+}
+
+impl BackendError {
+    /// The exit status of a command that ends with this error.
+    #[must_use]
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Unstable(_) => exit_code::UNSTABLE,
+            Self::Output(error) => error.exit_code(),
+            Self::Checkpoint(_) => exit_code::STREAM_UNUSABLE,
+        }
+    }
+}
+
+impl std::fmt::Display for BackendError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unstable(stop) => write!(f, "the run is unstable and was stopped: {stop}"),
+            Self::Output(error) => error.fmt(f),
+            Self::Checkpoint(reason) => f.write_str(reason),
+        }
+    }
+}
+
+impl std::error::Error for BackendError {}
+
+impl From<OutputError> for BackendError {
+    fn from(error: OutputError) -> Self {
+        Self::Output(error)
+    }
+}
+
+impl From<Stop> for BackendError {
+    fn from(stop: Stop) -> Self {
+        Self::Unstable(stop)
+    }
+}

@@ -1,0 +1,96 @@
+//! How fast this computer is with a scene's laws: two small lattices, stepped for a moment. Changes nothing of a run.
+
+use crate::dem::feed::size::SizeSampler;
+use crate::dem::neighbor::list::{Candidate, Memory};
+use crate::dem::particles::{Acceleration, Load, Sphere, Velocity};
+use crate::dem::simulation::{Setup, Simulation};
+use crate::math::{Bounds, Vec3, vec3};
+use crate::particle::{ParticleId, ParticleState};
+use crate::plan::{Calibration, Plan};
+use crate::scene::Scene;
+use std::mem::size_of;
+use std::time::{Duration, Instant};
+
+/// Particles along the edge of the lattices.
+const EDGE: u64 = 18;
+/// Wall time given to each lattice.
+const TIME: Duration = Duration::from_millis(400);
+/// Candidate pairs of a particle in a dense bed at the usual skin, and those within the inner skin: measured on settled beds.
+const OUTER_PAIRS: f64 = 4.5;
+const INNER_PAIRS: f64 = 2.9;
+
+/// Measures the speed with the scene's laws and first particle class; `None` where it has no class of particles.
+#[must_use]
+pub fn calibrate(scene: &Scene, plan: &Plan, threads: usize) -> Option<Calibration> {
+    let class = scene.classes.first()?;
+    let density = scene.materials.materials[usize::from(class.material)].density?;
+    let sphere = ParticleState {
+        id: ParticleId::new(0, 0),
+        material: class.material,
+        radius: 0.5 * SizeSampler::new(&class.diameter, scene.body).mean_power(1),
+        density,
+        position: Vec3::zeros(),
+        velocity: Vec3::zeros(),
+        spin: Vec3::zeros(),
+    };
+    let rate = |spacing: f64| measure(&mut lattice(scene, plan, threads, &sphere, spacing));
+    // Touching by a thousandth: six contacts a particle, as in a bed with its neighbours in the corners counted.
+    Some(Calibration {
+        particle_steps_per_second_dense: rate(0.999),
+        particle_steps_per_second_dilute: rate(2.5),
+        bytes_per_particle: bytes_per_particle(),
+        threads,
+    })
+}
+
+fn lattice(scene: &Scene, plan: &Plan, threads: usize, sphere: &ParticleState, spacing: f64) -> Simulation {
+    let edge = 2.0 * sphere.radius * spacing;
+    let place = |index: u64| {
+        let along = |n: u64| ((n % EDGE) as f64 + 0.5) * edge;
+        vec3(along(index), along(index / EDGE), along(index / (EDGE * EDGE)))
+    };
+    let particles: Vec<ParticleState> = (0..EDGE.pow(3))
+        .map(|index| ParticleState {
+            id: ParticleId::new(0, index),
+            position: place(index),
+            // A little disorder, so that springs and neighbour lists have work to do.
+            velocity: vec3((index % 7) as f64 - 3.0, (index % 5) as f64 - 2.0, (index % 3) as f64 - 1.0) * 1e-3,
+            ..*sphere
+        })
+        .collect();
+    let room = EDGE as f64 * edge;
+    let setup = Setup {
+        parts: Vec::new(),
+        feeds: Vec::new(),
+        periodic: [false; 3],
+        domain: Bounds { minimum: [-room; 3], maximum: [2.0 * room; 3] },
+        gravity: Vec3::zeros(),
+        overlap_limit: f64::INFINITY,
+        ..super::setup::setup(scene, plan, threads)
+    };
+    let mut simulation = Simulation::new(setup);
+    simulation.insert(&particles);
+    simulation
+}
+
+/// Particle steps in a second; the first steps, with their set-up, do not count.
+fn measure(simulation: &mut Simulation) -> f64 {
+    let mut step = || drop(simulation.step());
+    (0..3).for_each(|_| step());
+    let (started, mut steps) = (Instant::now(), 0_u32);
+    while started.elapsed() < TIME {
+        (0..4).for_each(|_| step());
+        steps += 4;
+    }
+    EDGE.pow(3) as f64 * f64::from(steps) / started.elapsed().as_secs_f64()
+}
+
+/// Memory that one particle takes in a dense bed, its share of the pair lists included [B].
+fn bytes_per_particle() -> f64 {
+    let records = size_of::<Sphere>() + size_of::<Velocity>() + size_of::<Load>() + size_of::<Acceleration>();
+    let references = 2 * size_of::<[f64; 3]>() + size_of::<ParticleId>() + size_of::<f64>() + 2 * size_of::<u32>();
+    let pairs = OUTER_PAIRS * size_of::<Candidate>() as f64
+        + INNER_PAIRS * (size_of::<Candidate>() + size_of::<Memory>()) as f64;
+    // Lists are made anew beside the old ones.
+    (records + references) as f64 + 2.0 * pairs
+}

@@ -1,0 +1,76 @@
+//! The checkpoint of a run: the solver's record in a column file, renamed into place as a whole.
+
+use super::end::EndWatch;
+use crate::backend::BackendError;
+use crate::dem::checkpoint::{INTEGER_COLUMNS, REAL_COLUMNS, SimulationRecord};
+use crate::dem::simulation::{Setup, Simulation};
+use crate::output::OutputError;
+use crate::output::columns::{ColumnReader, ColumnWriter};
+use std::path::{Path, PathBuf};
+
+/// Kind of column file.
+const KIND: &str = "checkpoint";
+
+/// The checkpoint file of a run.
+#[derive(Debug)]
+pub struct CheckpointFile {
+    path: PathBuf,
+    key: String,
+}
+
+impl CheckpointFile {
+    /// `state.checkpoint` in `folder`, for runs of this key.
+    pub fn new(folder: &Path, key: &str) -> Self {
+        Self { path: folder.join("state.checkpoint"), key: key.to_owned() }
+    }
+
+    /// Replaces the file by the present state.
+    pub fn save(&self, simulation: &Simulation, end: &EndWatch) -> Result<(), OutputError> {
+        let record = simulation.record();
+        let end = serde_json::to_string(end).expect("plain numbers become JSON");
+        let mut writer = ColumnWriter::new(KIND);
+        writer.attribute("key", self.key.as_str());
+        writer.attribute("progress", record.progress.as_str());
+        writer.attribute("end_watch", end);
+        writer.attribute("time_s", simulation.time());
+        for (name, column) in &record.reals {
+            writer.column(name, column.as_slice());
+        }
+        for (name, column) in &record.integers {
+            writer.column(name, column.as_slice());
+        }
+        writer.write(&self.path)
+    }
+
+    /// The simulation to continue; `None` where no checkpoint was written yet.
+    pub fn load(&self, setup: Setup, end: &mut EndWatch) -> Result<Option<Simulation>, BackendError> {
+        if !self.path.exists() {
+            return Ok(None);
+        }
+        let reader = ColumnReader::open(&self.path, KIND)?;
+        let refuse =
+            |reason: String| BackendError::Checkpoint(format!("cannot resume from {}: {reason}", self.path.display()));
+        if reader.attribute_text("key")? != self.key {
+            return Err(refuse("it belongs to another scene, time step or version; choose another --out".to_owned()));
+        }
+        *end = serde_json::from_str(reader.attribute_text("end_watch")?).map_err(|error| refuse(error.to_string()))?;
+        let record = record_of(&reader)?;
+        Simulation::resume(setup, &record).map(Some).map_err(|error| refuse(error.to_string()))
+    }
+}
+
+/// The record in a checkpoint file, of whatever run.
+pub fn read_record(path: &Path) -> Result<SimulationRecord, OutputError> {
+    record_of(&ColumnReader::open(path, KIND)?)
+}
+
+fn record_of(reader: &ColumnReader) -> Result<SimulationRecord, OutputError> {
+    let mut record = SimulationRecord { progress: reader.attribute_text("progress")?.to_owned(), ..Default::default() };
+    for name in REAL_COLUMNS {
+        record.reals.push((name, reader.f64s(name)?));
+    }
+    for name in INTEGER_COLUMNS {
+        record.integers.push((name, reader.u64s(name)?));
+    }
+    Ok(record)
+}

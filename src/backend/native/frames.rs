@@ -1,0 +1,167 @@
+//! Frames of particles, parts and contacts.
+
+use crate::dem::inspect::{ContactRecord, Partner};
+use crate::dem::simulation::Simulation;
+use crate::geometry::frustum::Frustum;
+use crate::geometry::part::{Part, Surface, TriangleMesh};
+use crate::math::Vec3;
+use crate::output::lammps::{DumpWriter, FrameHeader};
+use crate::output::pvd::{Collection, Entry, frame_file};
+use crate::output::vtp::{ContactLine, MeshFrame, Precision, write_contacts, write_mesh, write_particles};
+use crate::output::{Column, OutputError};
+use crate::particle::{ParticleId, ParticleState};
+use crate::scene::Scene;
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Generators that a cylinder or cone is drawn with.
+const SEGMENTS: u32 = 64;
+
+/// Writes frames at their interval, and the last one.
+#[derive(Debug)]
+pub struct FrameOutput {
+    folder: PathBuf,
+    every: Option<u64>,
+    collection: Option<Collection>,
+    dump: Option<DumpWriter>,
+    last_written: Option<u64>,
+    meshes: Vec<Option<TriangleMesh>>,
+}
+
+impl FrameOutput {
+    /// Opens the frame files; those of a resumed simulation are continued after its time.
+    pub fn open(scene: &Scene, folder: &Path, resumed: Option<&Simulation>) -> Result<Self, OutputError> {
+        let frames = folder.join("frames");
+        let pvd = folder.join("frames.pvd");
+        let dump = folder.join("dump.particles.lammpstrj");
+        let mut output = Self {
+            folder: folder.to_path_buf(),
+            every: None,
+            collection: None,
+            dump: None,
+            last_written: None,
+            meshes: scene.parts.iter().map(drawable).collect(),
+        };
+        if scene.output.vtp {
+            fs::create_dir_all(&frames).map_err(|source| OutputError::system("create", &frames, source))?;
+        }
+        output.collection = match (scene.output.vtp, resumed) {
+            (false, _) => None,
+            (true, Some(simulation)) if pvd.exists() => Some(Collection::resume(&pvd, simulation.time())?),
+            (true, _) => Some(Collection::create(&pvd)?),
+        };
+        output.dump = match (scene.output.lammps, resumed) {
+            (false, _) => None,
+            (true, Some(simulation)) if dump.exists() => Some(DumpWriter::resume(&dump, simulation.steps_done())?),
+            (true, _) => Some(DumpWriter::create(&dump)?),
+        };
+        // The checkpoint of a finished interval may carry the last state's frame: it is not written twice.
+        output.last_written = resumed.map(Simulation::steps_done);
+        Ok(output)
+    }
+
+    /// Writes a frame where the present step is due.
+    pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        let interval = scene.output.frame_interval;
+        let every = *self.every.get_or_insert_with(|| interval.map_or(u64::MAX, |i| super::steps_in(i, simulation)));
+        let step = simulation.steps_done();
+        if step.is_multiple_of(every) { self.write(simulation, scene) } else { Ok(()) }
+    }
+
+    /// Writes the last state, unless it stands there already.
+    pub fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        if self.last_written == Some(simulation.steps_done()) { Ok(()) } else { self.write(simulation, scene) }
+    }
+
+    fn write(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        let step = simulation.steps_done();
+        let particles = simulation.particles();
+        if let Some(dump) = &mut self.dump {
+            let header = FrameHeader { step, time: None, bounds: scene.domain.bounds, periodic: scene.domain.periodic };
+            let forces: HashMap<ParticleId, Vec3> = simulation.contact_forces().collect();
+            let forces: Vec<Vec3> = particles.iter().map(|particle| forces[&particle.id]).collect();
+            dump.add_frame(&header, &particles, Some(&forces), &scene.body)?;
+        }
+        if self.collection.is_some() {
+            let entries = self.write_vtp(simulation, scene, &particles)?;
+            if let Some(collection) = &mut self.collection {
+                collection.add_frame(entries)?;
+            }
+        }
+        self.last_written = Some(step);
+        Ok(())
+    }
+
+    fn write_vtp(
+        &self,
+        simulation: &Simulation,
+        scene: &Scene,
+        particles: &[ParticleState],
+    ) -> Result<Vec<Entry>, OutputError> {
+        let (step, time) = (simulation.steps_done(), simulation.time());
+        let mut entries = Vec::new();
+        let mut add = |name: &str| {
+            let file = frame_file(name, step);
+            entries.push(Entry {
+                time,
+                part: entries.len() as u32,
+                name: name.to_owned(),
+                file: format!("frames/{file}"),
+            });
+            self.folder.join("frames").join(file)
+        };
+        write_particles(&add("particles"), time, particles, &[], Precision::Single)?;
+        for (index, (part, mesh)) in scene.parts.iter().zip(&self.meshes).enumerate() {
+            let Some(mesh) = mesh.as_ref().filter(|_| simulation.is_present(index as u16)) else { continue };
+            let pose = part.motion.pose(time);
+            let vertices: Vec<Vec3> = mesh.vertices.iter().map(|vertex| pose.apply(vertex)).collect();
+            let load = simulation.part_loads()[index];
+            let (force, torque, power) = ([load.force], [load.torque], [load.power]);
+            let columns = [
+                ("force", Column::from(&force[..])),
+                ("torque", Column::from(&torque[..])),
+                ("power", Column::from(&power[..])),
+            ];
+            let frame = MeshFrame {
+                name: &part.name,
+                vertices: &vertices,
+                triangles: &mesh.triangles,
+                triangle_columns: &[],
+                part_columns: &columns,
+            };
+            write_mesh(&add(&part.name), time, &frame, Precision::Single)?;
+        }
+        if scene.output.contacts {
+            let lines = contact_lines(particles, &simulation.contacts());
+            write_contacts(&add("contacts"), time, &lines, &[], Precision::Single)?;
+        }
+        Ok(entries)
+    }
+}
+
+/// A surface as triangles to look at; a plane has no border and is not drawn.
+fn drawable(part: &Part) -> Option<TriangleMesh> {
+    match &part.surface {
+        Surface::Plane { .. } => None,
+        Surface::Frustum { start, end, start_radius, end_radius } => {
+            Some(Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS))
+        }
+        Surface::Mesh(mesh) => Some(mesh.clone()),
+    }
+}
+
+fn contact_lines(particles: &[ParticleState], contacts: &[ContactRecord]) -> Vec<ContactLine> {
+    let places: HashMap<ParticleId, Vec3> = particles.iter().map(|p| (p.id, p.position)).collect();
+    let line = |contact: &ContactRecord| ContactLine {
+        start: places[&contact.i],
+        end: match contact.j {
+            Partner::Particle(other) => places[&other],
+            Partner::Part { .. } => contact.point,
+        },
+        normal: contact.normal,
+        overlap: contact.overlap,
+        force: contact.force,
+    };
+    contacts.iter().map(line).collect()
+}

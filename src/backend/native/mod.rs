@@ -1,0 +1,259 @@
+//! Our own solver as a backend: makes it from a scene and its plan, drives it, writes what the scene asks for.
+
+pub mod calibrate;
+mod checkpoint_file;
+mod end;
+mod frames;
+mod series;
+pub mod setup;
+
+use super::BackendError;
+use crate::dem::feed::FeedReport;
+use crate::dem::inspect::Partner;
+use crate::dem::observer::StepObserver;
+use crate::dem::presence::PartEvent;
+use crate::dem::removal::Removal;
+use crate::dem::simulation::{Setup, Simulation};
+use crate::output::progress::{Progress, Status, Verbosity};
+use crate::output::timing::{Phase, ProcessUse, Timing};
+use crate::particle::{ParticleId, ParticleState};
+use crate::scene::Scene;
+use checkpoint_file::CheckpointFile;
+use end::EndWatch;
+pub use end::EndReason;
+pub use series::mass_column;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Name of the backend in summaries.
+pub const NAME: &str = "native";
+/// Counts changes that may change a bit of a result: part of every key.
+pub const NUMERICS_VERSION: u32 = 1;
+
+/// How a stage is to be run.
+#[derive(Debug, Clone, Copy)]
+pub struct Request<'a> {
+    /// Folder for everything that is written; it exists.
+    pub folder: &'a Path,
+    /// Identifies scene, choices and version; a checkpoint of another key is refused.
+    pub key: &'a str,
+    /// Continue from the folder's checkpoint, where there is one.
+    pub resume: bool,
+    /// How much is said.
+    pub verbosity: Verbosity,
+    /// Set from outside to end the run after the present time step.
+    pub interrupted: &'a AtomicBool,
+}
+
+/// What came out of a stage.
+#[derive(Debug)]
+pub struct StageResult {
+    /// Why it ended.
+    pub end: EndReason,
+    /// Plant time reached [s].
+    pub time: f64,
+    /// Time steps done since time 0.
+    pub steps: u64,
+    /// Whether each part is there at the end.
+    pub present: Vec<bool>,
+    /// Final particles, by ascending identity.
+    pub particles: Vec<ParticleState>,
+    /// Final pairs of particles in contact.
+    pub contacts: Vec<(ParticleId, ParticleId)>,
+    /// Final contacts with parts, one entry a contact.
+    pub wall_contacts: Vec<ParticleId>,
+    /// What each feed brought.
+    pub feeds: Vec<FeedReport>,
+    /// Particles that left.
+    pub removed: Vec<Removal>,
+    /// Parts that appeared or disappeared.
+    pub events: Vec<PartEvent>,
+    /// Wall time of this process on the stage [s], and the time steps that it did.
+    pub wall_s: f64,
+    /// Time steps that this process did.
+    pub own_steps: u64,
+    /// Particles times steps of this process.
+    pub particle_steps: f64,
+    /// Wall time by phase.
+    pub timing: Timing,
+    /// Processor time and memory of this process.
+    pub used: ProcessUse,
+}
+
+/// Computes a stage from its start or its checkpoint to its end.
+///
+/// # Errors
+/// See [`BackendError`]. Whatever was written before the error stays readable.
+pub fn run(scene: &Scene, setup: Setup, request: &Request) -> Result<StageResult, BackendError> {
+    let started = Instant::now();
+    let checkpoint = CheckpointFile::new(request.folder, request.key);
+    let mut end = EndWatch::default();
+    let resumed = if request.resume { checkpoint.load(setup.clone(), &mut end)? } else { None };
+    let from_checkpoint = resumed.is_some();
+    let mut simulation = match resumed {
+        Some(simulation) => simulation,
+        None => start(scene, setup)?,
+    };
+    simulation.prepare();
+    let mut driver = Driver {
+        frames: frames::FrameOutput::open(scene, request.folder, from_checkpoint.then_some(&simulation))?,
+        series: series::SeriesOutput::open(request.folder, from_checkpoint.then_some(&simulation))?,
+        checkpoint,
+        checkpoint_every: scene.output.checkpoint_interval.map(|interval| steps_in(interval, &simulation)),
+        timing: Timing::default(),
+        particle_steps: 0.0,
+        end,
+    };
+    if !from_checkpoint {
+        driver.write_due(&simulation, scene)?;
+    }
+    let first_step = simulation.steps_done();
+    let mut progress = Progress::on_stderr(request.verbosity, simulation.time(), scene.end.time);
+    let outcome = driver.drive(&mut simulation, scene, request, &mut progress);
+    progress.finish(status(&simulation, first_step));
+    driver.write_last(&simulation, scene)?;
+    let end = outcome?;
+    Ok(driver.result(simulation, end, first_step, started))
+}
+
+fn start(scene: &Scene, setup: Setup) -> Result<Simulation, BackendError> {
+    match &scene.start_checkpoint {
+        None => Ok(Simulation::new(setup)),
+        Some(path) => {
+            let record = checkpoint_file::read_record(path)?;
+            let refuse = |error| BackendError::Checkpoint(format!("cannot start from {}: {error}", path.display()));
+            Simulation::start_from(setup, &record).map_err(refuse)
+        }
+    }
+}
+
+/// One thread a processor core.
+#[must_use]
+pub fn default_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// Whole time steps in an interval of plant time, at least one.
+fn steps_in(interval: f64, simulation: &Simulation) -> u64 {
+    (interval / simulation.setup().timestep).round().max(1.0) as u64
+}
+
+fn status(simulation: &Simulation, first_step: u64) -> Status {
+    Status {
+        time: simulation.time(),
+        steps: simulation.steps_done() - first_step,
+        particles: simulation.particle_count() as u64,
+    }
+}
+
+/// Drives a simulation and everything that is written beside it.
+struct Driver {
+    frames: frames::FrameOutput,
+    series: series::SeriesOutput,
+    checkpoint: CheckpointFile,
+    checkpoint_every: Option<u64>,
+    timing: Timing,
+    particle_steps: f64,
+    end: EndWatch,
+}
+
+impl Driver {
+    fn drive(
+        &mut self,
+        simulation: &mut Simulation,
+        scene: &Scene,
+        request: &Request,
+        progress: &mut Progress,
+    ) -> Result<EndReason, BackendError> {
+        let first_step = simulation.steps_done();
+        loop {
+            if let Some(reason) = self.end.reached(simulation, scene) {
+                return Ok(reason);
+            }
+            if request.interrupted.load(Ordering::Relaxed) {
+                return Ok(EndReason::Interrupted);
+            }
+            simulation.step()?;
+            self.particle_steps += simulation.particle_count() as f64;
+            progress.update(status(simulation, first_step));
+            self.write_due(simulation, scene)?;
+        }
+    }
+
+    /// Writes what is due at the present step.
+    fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), BackendError> {
+        let started = Instant::now();
+        self.frames.write_due(simulation, scene)?;
+        self.series.write_due(simulation, scene)?;
+        let step = simulation.steps_done();
+        if self.checkpoint_every.is_some_and(|every| step > 0 && step.is_multiple_of(every)) {
+            self.checkpoint.save(simulation, &self.end)?;
+        }
+        self.timing.add(Phase::Output, started.elapsed());
+        Ok(())
+    }
+
+    /// Writes the last state, however the run ended.
+    fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), BackendError> {
+        let started = Instant::now();
+        self.frames.write_last(simulation, scene)?;
+        self.series.write_last(simulation, scene)?;
+        self.checkpoint.save(simulation, &self.end)?;
+        self.timing.add(Phase::Output, started.elapsed());
+        Ok(())
+    }
+
+    fn result(mut self, simulation: Simulation, end: EndReason, first_step: u64, started: Instant) -> StageResult {
+        let phases = simulation.phase_times();
+        self.timing.add(Phase::Neighbour, phases.neighborhood);
+        self.timing.add(Phase::Contacts, phases.contacts);
+        self.timing.add(Phase::Integration, phases.integration);
+        self.timing.add(Phase::Feeds, phases.feeds);
+        self.timing.add(Phase::Other, phases.watchdog);
+        let wall = started.elapsed();
+        self.timing.close(wall);
+        let (mut contacts, mut wall_contacts) = (Vec::new(), Vec::new());
+        for record in simulation.contacts() {
+            match record.j {
+                Partner::Particle(other) => contacts.push((record.i, other)),
+                Partner::Part { .. } => wall_contacts.push(record.i),
+            }
+        }
+        StageResult {
+            end,
+            time: simulation.time(),
+            steps: simulation.steps_done(),
+            present: (0..simulation.setup().parts.len()).map(|part| simulation.is_present(part as u16)).collect(),
+            particles: simulation.particles(),
+            contacts,
+            wall_contacts,
+            feeds: simulation.feed_reports(),
+            removed: simulation.removed().to_vec(),
+            events: simulation.part_events().to_vec(),
+            wall_s: wall.as_secs_f64(),
+            own_steps: simulation.steps_done() - first_step,
+            particle_steps: self.particle_steps,
+            timing: self.timing,
+            used: ProcessUse::now(),
+        }
+    }
+}
+
+/// Runs a simulation to a plant time with observers, writing nothing: for measurements on single contacts.
+///
+/// # Errors
+/// When the watchdog or an observer stops it.
+pub fn run_observed(
+    simulation: &mut Simulation,
+    until: f64,
+    observers: &mut [&mut dyn StepObserver],
+) -> Result<(), BackendError> {
+    while simulation.time() < until {
+        simulation.step()?;
+        for observer in observers.iter_mut() {
+            observer.observe(simulation)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,117 @@
+//! Rows of `series.csv`.
+
+use crate::dem::inspect::{ContactRecord, Partner};
+use crate::dem::simulation::Simulation;
+use crate::math::Vec3;
+use crate::output::OutputError;
+use crate::output::series::{PartRow, SeriesEnergy, SeriesRow, SeriesWriter};
+use crate::particle::ParticleState;
+use crate::scene::{MeasureKind, Scene};
+use std::path::Path;
+
+/// Writes rows at their interval, and the last one.
+#[derive(Debug)]
+pub struct SeriesOutput {
+    writer: SeriesWriter,
+    every: Option<u64>,
+    last_written: Option<u64>,
+}
+
+/// Column of the mass beyond a measure's plane.
+pub fn mass_column(measure: &str) -> String {
+    format!("{measure}.mass_beyond_kg")
+}
+
+impl SeriesOutput {
+    /// Opens `series.csv`; that of a resumed simulation is continued after its time.
+    pub fn open(folder: &Path, resumed: Option<&Simulation>) -> Result<Self, OutputError> {
+        let path = folder.join("series.csv");
+        let writer = match resumed {
+            Some(simulation) if path.exists() => SeriesWriter::resume(&path, simulation.time())?,
+            _ => SeriesWriter::create(&path)?,
+        };
+        Ok(Self { writer, every: None, last_written: resumed.map(Simulation::steps_done) })
+    }
+
+    /// Writes a row where the present step is due.
+    pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        let interval = scene.output.series_interval;
+        let every = *self.every.get_or_insert_with(|| super::steps_in(interval, simulation));
+        if simulation.steps_done().is_multiple_of(every) { self.write(simulation, scene) } else { Ok(()) }
+    }
+
+    /// Writes the last state's row, unless it stands there already.
+    pub fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        if self.last_written == Some(simulation.steps_done()) { Ok(()) } else { self.write(simulation, scene) }
+    }
+
+    fn write(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        self.writer.add(&row(simulation, scene))?;
+        self.last_written = Some(simulation.steps_done());
+        Ok(())
+    }
+}
+
+fn row(simulation: &Simulation, scene: &Scene) -> SeriesRow {
+    let particles = simulation.particles();
+    let contacts = simulation.contacts();
+    let budget = simulation.energy();
+    let mass = |p: &ParticleState| scene.body.mass(p.radius, p.density);
+    let radius = |id| particles.binary_search_by_key(&id, |p| p.id).map_or(f64::INFINITY, |n| particles[n].radius);
+    let overlap_ratio = |contact: &ContactRecord| {
+        let other = match contact.j {
+            Partner::Particle(id) => radius(id),
+            Partner::Part { .. } => f64::INFINITY,
+        };
+        contact.overlap / radius(contact.i).min(other)
+    };
+    let inserted = simulation.feed_reports().iter().map(|report| report.inserted_count).sum();
+    let energy = scene.output.energy.then(|| SeriesEnergy {
+        gravitational: budget.gravitational,
+        elastic: budget.elastic,
+        slip: budget.slip,
+        dashpot: budget.dashpot,
+        rolling: budget.rolling,
+        wall_work: budget.wall_work,
+        inserted: budget.inserted,
+        removed: budget.removed,
+        law_residual: budget.law_residual,
+        imbalance: budget.sum(),
+    });
+    let parts = scene.parts.iter().zip(simulation.part_loads()).map(|(part, load)| PartRow {
+        name: part.name.clone(),
+        force: load.force,
+        torque: load.torque,
+        power: load.power,
+    });
+    let beyond = scene.measures.iter().filter_map(|measure| match &measure.kind {
+        MeasureKind::MassFlowRate { point, normal } => {
+            let gone = simulation.removed().iter().map(|removal| (removal.position.into(), removal.mass));
+            let here = particles.iter().map(|particle| (particle.position, mass(particle)));
+            Some((mass_column(&measure.name), mass_beyond_plane(point, normal, here.chain(gone))))
+        }
+        _ => None,
+    });
+    SeriesRow {
+        time: simulation.time(),
+        step: simulation.steps_done(),
+        particles: particles.len() as u64,
+        mass: particles.iter().map(mass).sum(),
+        contacts: contacts.len() as u64,
+        kinetic_energy: budget.kinetic,
+        rotational_energy: budget.rotational,
+        rms_speed: simulation.rms_speed(),
+        maximum_speed: particles.iter().map(|p| p.velocity.norm()).fold(0.0, f64::max),
+        maximum_overlap: contacts.iter().map(overlap_ratio).fold(0.0, f64::max),
+        inserted,
+        removed: simulation.removed().len() as u64,
+        energy,
+        parts: parts.collect(),
+        further: beyond.collect(),
+    }
+}
+
+/// Mass [kg] of the bodies whose centre lies beyond a plane; those that left the domain count where they were last.
+fn mass_beyond_plane(point: &Vec3, normal: &Vec3, bodies: impl Iterator<Item = (Vec3, f64)>) -> f64 {
+    bodies.filter(|(place, _)| (place - point).dot(normal) >= 0.0).map(|(_, mass)| mass).sum()
+}

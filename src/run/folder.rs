@@ -1,0 +1,96 @@
+//! The result folder of a run: never overwritten; the same key is done, another one is refused with the difference.
+
+use super::RunError;
+use crate::output::OutputError;
+use crate::output::staging::write_whole;
+use crate::output::summary::Summary;
+use crate::stage::key::{StageKey, differences};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Differences shown to the user.
+const MOST_DIFFERENCES: usize = 6;
+
+/// A claimed result folder.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+/// Name of the default folder: that of the scene's folder or file.
+pub fn name_of(scene: &Path) -> String {
+    let full = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
+    let named = if full.file_name().is_some_and(|name| name == "scene.toml") { full.parent() } else { Some(full.as_path()) };
+    let stem = named.and_then(Path::file_stem);
+    stem.map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+impl RunFolder {
+    /// Makes the folder, or accepts it where it belongs to the same run.
+    pub fn claim(path: &Path, key: &StageKey, resume: bool) -> Result<Self, RunError> {
+        let folder = Self { path: path.to_path_buf() };
+        let record = folder.record_path();
+        if record.exists() {
+            folder.check_same(key, resume)?;
+            return Ok(folder);
+        }
+        let used = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if used {
+            return Err(RunError::Folder(format!(
+                "the folder {} is not empty and holds no run of tollgate; choose another --out",
+                path.display()
+            )));
+        }
+        fs::create_dir_all(path).map_err(|source| OutputError::system("create", path, source))?;
+        let content = json!({
+            "key": key.key, "outputs_key": key.outputs_key, "tollgate_version": env!("CARGO_PKG_VERSION"), "content": key.content,
+        });
+        write_whole(&record, format!("{content}\n").as_bytes())?;
+        Ok(folder)
+    }
+
+    fn check_same(&self, key: &StageKey, resume: bool) -> Result<(), RunError> {
+        let shown = self.path.display();
+        let record = self.record_path();
+        let text = fs::read_to_string(&record).map_err(|source| OutputError::system("read", &record, source))?;
+        let held: Value = serde_json::from_str(&text)
+            .map_err(|error| RunError::Folder(format!("{} is damaged ({error}); choose another --out", record.display())))?;
+        if held["key"] != key.key.as_str() {
+            let changes = differences(&held["content"], &key.content, MOST_DIFFERENCES).join("\n  ");
+            return Err(RunError::Folder(format!(
+                "the folder {shown} holds another run, which is never overwritten; choose another --out, or remove it. What differs:\n  {changes}"
+            )));
+        }
+        if held["outputs_key"] != key.outputs_key.as_str() {
+            return Err(RunError::Folder(format!(
+                "the folder {shown} holds this very run, but with other outputs or measures, which cannot be added afterwards; choose another --out"
+            )));
+        }
+        if !resume && !self.summary_path().exists() {
+            return Err(RunError::Folder(format!(
+                "the folder {shown} holds this run unfinished; go on with --resume, or choose another --out"
+            )));
+        }
+        Ok(())
+    }
+
+    /// The summary of an earlier run that ended by itself.
+    pub fn finished(&self) -> Result<Option<Summary>, OutputError> {
+        let path = self.summary_path();
+        if !path.exists() {
+            return Ok(None);
+        }
+        let summary = Summary::read(&path)?;
+        Ok((summary.outcome.exit_code == crate::exit_code::DONE).then_some(summary))
+    }
+
+    /// Where the summary stands.
+    pub fn summary_path(&self) -> PathBuf {
+        self.path.join("summary.json")
+    }
+
+    fn record_path(&self) -> PathBuf {
+        self.path.join("run.json")
+    }
+}

@@ -1,0 +1,200 @@
+//! The summary of a run, from what its stage brought.
+
+use super::RunRequest;
+use crate::analysis::{MassSeries, MeasureResult};
+use crate::backend::native::{self, EndReason, StageResult};
+use crate::backend::BackendError;
+use crate::dem::feed::{Amount, FeedReport};
+use crate::dem::removal::RemovalCause;
+use crate::exit_code;
+use crate::output::OutputError;
+use crate::output::series::Series;
+use crate::output::summary::{
+    EventSummary, FeedSummary, GradingSummary, Outcome, RemovalSummary, SceneProvenance, StageSummary, Summary,
+};
+use crate::plan::Plan;
+use crate::scene::{Finding, MeasureKind, Scene};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What the user is warned of before the run, in words.
+pub fn warnings(findings: &[Finding], plan: &Plan) -> Vec<String> {
+    let of_scene = findings.iter().map(|f| format!("{}:{}: {}; {}", f.file, f.line, f.what, f.next));
+    of_scene.chain(plan.findings.iter().map(|finding| finding.text.clone())).collect()
+}
+
+/// Mass beyond the plane of every mass flow rate, from the run's `series.csv`.
+pub fn mass_series(scene: &Scene, folder: &Path) -> Result<Vec<MassSeries>, OutputError> {
+    let wanted: Vec<&str> = scene
+        .measures
+        .iter()
+        .filter(|measure| matches!(measure.kind, MeasureKind::MassFlowRate { .. }))
+        .map(|measure| measure.name.as_str())
+        .collect();
+    if wanted.is_empty() {
+        return Ok(Vec::new());
+    }
+    let series = Series::read(&folder.join("series.csv"))?;
+    let times = series.column("time_s").unwrap_or_default();
+    let samples = |name: &str| {
+        let masses = series.column(&native::mass_column(name)).unwrap_or_default();
+        times.iter().copied().zip(masses.iter().copied()).collect()
+    };
+    Ok(wanted.into_iter().map(|name| MassSeries { measure: name.to_owned(), samples: samples(name) }).collect())
+}
+
+fn provenance(request: &RunRequest, scene: &Scene) -> SceneProvenance {
+    let file = if request.scene.is_dir() { request.scene.join("scene.toml") } else { request.scene.clone() };
+    SceneProvenance {
+        name: scene.name.clone(),
+        file: file.display().to_string(),
+        blake3: std::fs::read(&file).map_or_else(|_| String::new(), |bytes| blake3::hash(&bytes).to_hex().to_string()),
+        seed: scene.seed,
+        overrides: request.settings.iter().map(|(key, value)| format!("{key}={value}")).collect(),
+        started_from: scene.start_checkpoint.as_ref().map(|path| path.display().to_string()),
+    }
+}
+
+/// The summary of a run that the backend did not bring to its end.
+pub fn of_failure(
+    request: &RunRequest,
+    scene: &Scene,
+    plan: &Plan,
+    error: &BackendError,
+    warnings: Vec<String>,
+) -> Summary {
+    let time_s = if let BackendError::Unstable(stop) = error { stop.time } else { f64::NAN };
+    Summary {
+        scene: provenance(request, scene),
+        outcome: Outcome {
+            exit_code: error.exit_code(),
+            reason: error.to_string(),
+            time_s: if time_s.is_finite() { time_s } else { 0.0 },
+        },
+        stages: vec![StageSummary {
+            name: scene.name.clone(),
+            backend: native::NAME.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            timestep_s: plan.timestep.chosen,
+            ..StageSummary::default()
+        }],
+        warnings,
+        ..Summary::default()
+    }
+}
+
+/// The summary of a run that came to its end or was interrupted.
+pub fn of(
+    request: &RunRequest,
+    scene: &Scene,
+    plan: &Plan,
+    result: &StageResult,
+    measures: &[MeasureResult],
+    mut warnings: Vec<String>,
+    threads: usize,
+) -> Summary {
+    let feeds: Vec<FeedSummary> = result.feeds.iter().map(feed).collect();
+    warnings.extend(feeds.iter().filter_map(|feed| Some(format!("feed '{}': {}", feed.name, feed.shortfall.as_ref()?))));
+    let interrupted = result.end == EndReason::Interrupted;
+    let mut summary = Summary {
+        scene: provenance(request, scene),
+        outcome: Outcome {
+            exit_code: if interrupted { exit_code::INTERRUPTED } else { exit_code::DONE },
+            reason: result.end.text().to_owned(),
+            time_s: result.time,
+        },
+        stages: vec![StageSummary {
+            name: scene.name.clone(),
+            backend: native::NAME.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            steps: result.steps,
+            timestep_s: plan.timestep.chosen,
+            particles: result.particles.len() as u64,
+            wall_s: result.wall_s,
+            cpu_s: result.used.cpu_s,
+            particle_steps_per_s: result.particle_steps / result.wall_s,
+            peak_memory_bytes: result.used.peak_memory_bytes,
+            threads: threads as u64,
+        }],
+        feeds,
+        removed: removals(result),
+        events: events(scene, result),
+        timing_s: result.timing.seconds(),
+        warnings,
+        ..Summary::default()
+    };
+    for measure in measures {
+        record_measure(&mut summary, measure);
+    }
+    summary
+}
+
+/// `NAME_UNIT` and `NAME_uncertainty_UNIT`, in the summary's spelling of units.
+fn record_measure(summary: &mut Summary, measure: &MeasureResult) {
+    let unit = match measure.unit {
+        "-" => String::new(),
+        unit => format!("_{}", unit.replace('/', "_per_").replace('%', "percent")),
+    };
+    let name = measure.name.replace('.', "_");
+    summary.measure(&format!("{name}{unit}"), measure.value);
+    if let Some(uncertainty) = measure.uncertainty {
+        summary.measure(&format!("{name}_uncertainty{unit}"), uncertainty);
+    }
+    if !measure.note.is_empty() {
+        summary.measure(&format!("{name}_note"), measure.note.as_str());
+    }
+}
+
+fn feed(report: &FeedReport) -> FeedSummary {
+    let (count, mass) = match report.asked {
+        Amount::Count(count) => (Some(count), None),
+        Amount::Mass(mass) => (None, Some(mass)),
+    };
+    FeedSummary {
+        name: report.name.clone(),
+        asked_count: count,
+        asked_mass_kg: mass,
+        inserted_count: report.inserted_count,
+        inserted_mass_kg: report.inserted_mass,
+        grading: report
+            .grading
+            .iter()
+            .map(|row| GradingSummary {
+                from_m: row.from,
+                to_m: row.to,
+                asked_fraction: row.asked,
+                inserted_fraction: row.inserted,
+            })
+            .collect(),
+        shortfall: report.shortfall.as_ref().map(|shortfall| {
+            let missing = match shortfall.missing {
+                Amount::Count(count) => format!("{count} particles"),
+                Amount::Mass(mass) => format!("{mass:.4e} kg"),
+            };
+            format!("{missing} are missing: {}", shortfall.cause)
+        }),
+    }
+}
+
+fn removals(result: &StageResult) -> Vec<RemovalSummary> {
+    let mut by_cause: BTreeMap<RemovalCause, (u64, f64)> = BTreeMap::new();
+    for removal in &result.removed {
+        let entry = by_cause.entry(removal.cause).or_default();
+        entry.0 += 1;
+        entry.1 += removal.mass;
+    }
+    let row = |(cause, (count, mass_kg)): (RemovalCause, (u64, f64))| RemovalSummary {
+        cause: cause.text().to_owned(),
+        count,
+        mass_kg,
+    };
+    by_cause.into_iter().map(row).collect()
+}
+
+fn events(scene: &Scene, result: &StageResult) -> Vec<EventSummary> {
+    let text = |event: &crate::dem::presence::PartEvent| {
+        let verb = if event.present { "appeared" } else { "disappeared" };
+        format!("part '{}' {verb}", scene.parts[usize::from(event.part)].name)
+    };
+    result.events.iter().map(|event| EventSummary { time_s: event.time, what: text(event) }).collect()
+}

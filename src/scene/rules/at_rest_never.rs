@@ -1,0 +1,51 @@
+//! `at-rest-never` (error): a condition that waits for rest and cannot be met before the run ends.
+//!
+//! Rest needs at least one particle, all feeds due so far finished, and a hold that fits before the end. A stream that
+//! goes on until the end keeps the condition from ever holding.
+
+use super::{Subject, join, round};
+use crate::dem::feed::{Amount, FeedKind, Rate};
+use crate::geometry::part::{AtRest, Trigger};
+
+pub(super) fn check(subject: &Subject<'_>) {
+    let Some(end) = subject.draft.end else { return };
+    let mut conditions: Vec<(String, AtRest)> = Vec::new();
+    if let Some(rest) = end.at_rest {
+        conditions.push(("end.at_rest".to_owned(), rest));
+    }
+    for part in &subject.draft.parts {
+        for (key, trigger) in [("appears", part.item.part.appears), ("disappears", part.item.part.disappears)] {
+            if let Trigger::AtRest(rest) = trigger {
+                conditions.push((join(&part.path, key), rest));
+            }
+        }
+    }
+    for (path, rest) in conditions {
+        if let Some(reason) = reason(subject, &rest, end.time) {
+            let what = format!("this can never be at rest before the end: {reason}");
+            subject.error("at-rest-never", &path, what, "end the feeds earlier, or the run later");
+        }
+    }
+}
+
+fn reason(subject: &Subject<'_>, rest: &AtRest, end: f64) -> Option<String> {
+    if rest.not_before + rest.hold > end {
+        let earliest = round(rest.not_before + rest.hold);
+        return Some(format!("`not_before` and `hold` last until {earliest} s, the run until {} s", round(end)));
+    }
+    if subject.draft.feeds.is_empty() && subject.draft.start_checkpoint.is_none() && !subject.report.was_given("feed") {
+        return Some("there are no particles".to_owned());
+    }
+    subject.draft.feeds.iter().find_map(|feed| {
+        let FeedKind::Stream { rate, amount, start, until, .. } = &feed.item.kind else { return None };
+        let last = match (amount, rate) {
+            (Some(Amount::Count(count)), Rate::Count(rate)) => start + *count as f64 / rate,
+            (Some(Amount::Mass(mass)), Rate::Mass(rate)) => start + mass / rate,
+            // Count against mass depends on the sizes drawn; no verdict.
+            (Some(_), _) => *start,
+            (None, _) => f64::INFINITY,
+        };
+        (*start <= 0.0 && last.min(*until) >= end)
+            .then(|| format!("feed \"{}\" goes on until the run ends at {} s", feed.item.name, round(end)))
+    })
+}

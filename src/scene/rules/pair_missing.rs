@@ -1,0 +1,37 @@
+//! `pair-missing` (error): two materials that can touch need a `[[pair]]`: particles with each other and with parts.
+
+use super::Subject;
+
+pub(super) fn check(subject: &Subject<'_>) {
+    if !subject.draft.pairs_whole {
+        // The missing one may be the broken one.
+        return;
+    }
+    let particles = subject.particle_materials();
+    let mut wanted: Vec<(u16, u16, String)> = Vec::new();
+    for (index, a) in particles.iter().enumerate() {
+        for b in &particles[index..] {
+            wanted.push((*a, *b, String::new()));
+        }
+        for part in &subject.draft.parts {
+            wanted.push((*a, part.item.part.material, format!("part \"{}\" is made of it", part.item.part.name)));
+        }
+    }
+    let mut reported: Vec<(u16, u16)> = Vec::new();
+    for (a, b, reason) in wanted {
+        let same = |x: u16, y: u16| (x, y) == (a, b) || (y, x) == (a, b);
+        let given = subject.draft.pairs.iter().any(|pair| same(pair.item.a, pair.item.b));
+        if given || reported.iter().any(|(x, y)| same(*x, *y)) {
+            continue;
+        }
+        reported.push((a, b));
+        let (a, b) = (subject.material(a), subject.material(b));
+        let reason = if reason.is_empty() { "particles are made of both".to_owned() } else { reason };
+        subject.error(
+            "pair-missing",
+            &format!("material.{b}"),
+            format!("nothing says how {a} and {b} touch, and {reason}"),
+            format!("add a [[pair]] with `between = [\"{a}\", \"{b}\"]`"),
+        );
+    }
+}

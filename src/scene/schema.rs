@@ -1,0 +1,186 @@
+//! Every key a scene can have, section by section: what the reader asks for, what `docs/scene.md` explains.
+
+/// Sections and their keys. A key that the reader asks for and that is not here is our own bug; the tests find it.
+pub(super) const SECTIONS: &[(&str, &[&str])] = &[
+    (
+        "scene",
+        &[
+            "version",
+            "title",
+            "dimensions",
+            "thickness",
+            "seed",
+            "gravity",
+            "start_checkpoint",
+            "domain",
+            "contact",
+            "material",
+            "pair",
+            "particle",
+            "feed",
+            "part",
+            "solver",
+            "end",
+            "output",
+            "measure",
+        ],
+    ),
+    ("domain", &["min", "max", "boundary"]),
+    ("domain.boundary", &["x", "y", "z"]),
+    (
+        "contact",
+        &[
+            "law",
+            "tangential",
+            "tangential_damping",
+            "attraction",
+            "rolling",
+            "characteristic_velocity",
+            "compatibility",
+        ],
+    ),
+    ("material", &["density", "youngs_modulus", "poissons_ratio"]),
+    (
+        "pair",
+        &[
+            "between",
+            "restitution",
+            "normal_stiffness",
+            "tangential_stiffness",
+            "normal_damping",
+            "tangential_damping",
+            "friction",
+            "rolling_friction",
+        ],
+    ),
+    ("particle", &["material", "diameter"]),
+    ("particle.diameter", &["uniform", "normal", "lognormal", "sieve"]),
+    ("particle.diameter.normal", &["mean", "deviation", "minimum", "maximum"]),
+    ("particle.diameter.lognormal", &["median", "geometric_deviation", "minimum", "maximum"]),
+    ("particle.diameter.sieve", &["by", "sizes", "fractions"]),
+    (
+        "feed",
+        &[
+            "name", "kind", "particle", "region", "face", "amount", "rate", "velocity", "start", "until", "interval",
+            "file",
+        ],
+    ),
+    ("feed.region", &["shape", "min", "max", "start", "end", "radius", "file", "scale", "place"]),
+    ("feed.face", &["shape", "centre", "normal", "radius", "side_a", "side_b"]),
+    (
+        "part",
+        &[
+            "name",
+            "material",
+            "shape",
+            "point",
+            "normal",
+            "min",
+            "max",
+            "start",
+            "end",
+            "radius",
+            "start_radius",
+            "end_radius",
+            "file",
+            "scale",
+            "place",
+            "motion",
+            "appears",
+            "disappears",
+        ],
+    ),
+    ("place", &["move", "rotate"]),
+    ("place.rotate", &["axis", "angle", "origin"]),
+    (
+        "part.motion",
+        &["kind", "origin", "axis", "rate", "velocity", "amplitude", "frequency", "phase", "from", "until"],
+    ),
+    ("trigger", &["at_rest"]),
+    ("at_rest", &["speed", "hold", "not_before"]),
+    ("solver", &["timestep", "timestep_fraction", "skin", "overlap_limit", "impact_speed", "models"]),
+    ("solver.models", &[]),
+    ("end", &["time", "at_rest", "empty", "left_count"]),
+    ("output", &["frames", "formats", "contacts", "series", "energy", "checkpoints"]),
+    ("measure", &["name", "kind", "region", "along", "point", "normal"]),
+    ("measure.region", &["min", "max"]),
+];
+
+/// Keys that never carry a unit.
+const WORDS: &[&str] = &[
+    "version",
+    "title",
+    "dimensions",
+    "seed",
+    "name",
+    "kind",
+    "shape",
+    "file",
+    "material",
+    "particle",
+    "part",
+    "pair",
+    "feed",
+    "measure",
+    "solver",
+    "output",
+    "end",
+    "contact",
+    "domain",
+    "place",
+    "move",
+    "rotate",
+    "motion",
+    "region",
+    "face",
+    "law",
+    "by",
+    "at_rest",
+    "empty",
+    "formats",
+    "contacts",
+    "energy",
+    "models",
+    "between",
+];
+
+/// True where `section` has `key`.
+pub(super) fn knows(section: &str, key: &str) -> bool {
+    SECTIONS.iter().any(|(name, keys)| *name == section && keys.contains(&key))
+}
+
+/// True where a unit may stand at the end of `key`.
+pub(super) fn is_measured(key: &str) -> bool {
+    !WORDS.contains(&key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_good_scenes_use_every_key() {
+        // The reader asserts that it asks for no other key than these; this is the other direction.
+        let scenes = concat!(
+            include_str!("../../tests/scenes/good/everything.toml"),
+            include_str!("../../tests/scenes/good/plane.toml")
+        );
+        for (section, keys) in SECTIONS {
+            for key in *keys {
+                let words = scenes.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+                let used = words.map(crate::scene::quantity::base_of_key).any(|word| word == *key);
+                assert!(used, "no good scene uses `{key}` of [{section}]");
+            }
+        }
+    }
+
+    #[test]
+    fn the_page_names_every_key() {
+        let page = include_str!("../../docs/scene.md");
+        for (section, keys) in SECTIONS {
+            for key in *keys {
+                assert!(page.contains(&format!("`{key}`")), "docs/scene.md does not explain `{key}` of [{section}]");
+            }
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! The scene file as a tree of values that know where they stand: TOML text in, `--set` overrides applied.
+
+use super::diagnostics::{Place, Report};
+use super::quantity;
+use std::ops::Range;
+use toml::de::{DeTable, DeValue};
+
+/// A value and its place.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Node {
+    /// The value.
+    pub value: Value,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// A TOML value.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Value {
+    /// String.
+    Text(String),
+    /// Integer that fits 64 bits.
+    Integer(i64),
+    /// Any other number, as written.
+    Number(f64),
+    /// `true` or `false`.
+    Boolean(bool),
+    /// Date or time: never what a scene wants.
+    Date,
+    /// Array.
+    Array(Vec<Node>),
+    /// Table.
+    Table(Table),
+}
+
+impl Value {
+    /// What it is, in words.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Text(_) => "a string",
+            Self::Integer(_) => "an integer",
+            Self::Number(_) => "a number",
+            Self::Boolean(_) => "true or false",
+            Self::Date => "a date",
+            Self::Array(_) => "an array",
+            Self::Table(_) => "a table",
+        }
+    }
+}
+
+/// A table, in the file's order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Table {
+    /// Its entries.
+    pub entries: Vec<Entry>,
+}
+
+/// A key and its value.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Entry {
+    /// Key as written.
+    pub key: String,
+    /// Where the key stands.
+    pub key_place: Place,
+    /// Its value.
+    pub node: Node,
+}
+
+impl Table {
+    /// The value of `key`.
+    pub fn get(&self, key: &str) -> Option<&Node> {
+        self.entries.iter().find(|entry| entry.key == key).map(|entry| &entry.node)
+    }
+
+    fn name(&self) -> Option<&str> {
+        match self.get("name") {
+            Some(Node { value: Value::Text(name), .. }) => Some(name),
+            _ => None,
+        }
+    }
+
+    /// The two materials of a pair.
+    fn between(&self) -> Option<(&str, &str)> {
+        let Some(Node { value: Value::Array(ends), .. }) = self.get("between") else { return None };
+        match ends.as_slice() {
+            [Node { value: Value::Text(a), .. }, Node { value: Value::Text(b), .. }] => Some((a, b)),
+            _ => None,
+        }
+    }
+
+    /// The two materials of a pair, joined by a hyphen.
+    fn pair(&self) -> Option<String> {
+        self.between().map(|(a, b)| format!("{a}-{b}"))
+    }
+
+    /// True where it is the pair that `name` joins by a hyphen, in either order.
+    fn is_pair(&self, name: &str) -> bool {
+        self.between().is_some_and(|(a, b)| name == format!("{a}-{b}") || name == format!("{b}-{a}"))
+    }
+}
+
+/// So many syntax errors are shown; a file that is no TOML at all has one in each line.
+const MOST_SYNTAX_ERRORS: usize = 20;
+
+/// Parses a scene's text; syntax errors go to the report, and what could be read comes back.
+pub(super) fn parse(text: &str, report: &Report) -> Node {
+    let (document, errors) = DeTable::parse_recoverable(text);
+    for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
+        let span = error.span().unwrap_or(0..0);
+        report.error(
+            "toml-syntax",
+            &Place::in_file(span),
+            format!("the file is not TOML here: {}", error.message().to_lowercase()),
+            "correct the TOML; strings stand in double quotes, tables in [brackets]",
+        );
+    }
+    Node { value: Value::Table(table(document.get_ref(), &Place::in_file)), place: Place::in_file(0..0) }
+}
+
+fn table(source: &DeTable<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Table {
+    let mut entries: Vec<Entry> = source
+        .iter()
+        .map(|(key, value)| Entry {
+            key: key.get_ref().to_string(),
+            key_place: place(key.span()),
+            node: Node { value: convert(value.get_ref(), place), place: place(value.span()) },
+        })
+        .collect();
+    entries.sort_by_key(|entry| entry.key_place.start());
+    Table { entries }
+}
+
+fn convert(value: &DeValue<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Value {
+    match value {
+        DeValue::String(text) => Value::Text(text.to_string()),
+        DeValue::Integer(number) => match i64::from_str_radix(number.as_str(), number.radix()) {
+            Ok(number) => Value::Integer(number),
+            Err(_) => Value::Number(number.as_str().parse().unwrap_or(f64::NAN)),
+        },
+        DeValue::Float(number) => Value::Number(number.as_str().parse().unwrap_or(f64::NAN)),
+        DeValue::Boolean(flag) => Value::Boolean(*flag),
+        DeValue::Datetime(_) => Value::Date,
+        DeValue::Array(items) => Value::Array(
+            items
+                .iter()
+                .map(|item| Node { value: convert(item.get_ref(), place), place: place(item.span()) })
+                .collect(),
+        ),
+        DeValue::Table(inner) => Value::Table(table(inner, place)),
+    }
+}
+
+/// Applies one `--set path=text` to the tree. `text` is a TOML value; what is none is taken as a string.
+pub(super) fn set(root: &mut Node, path: &str, text: &str, report: &Report) {
+    let place = Place::in_setting(format!("--set {path}={text}"));
+    let at = |_: Range<usize>| place.clone();
+    let value = match DeValue::parse(text) {
+        Ok(value) => convert(value.get_ref(), &at),
+        Err(_) => Value::Text(text.to_owned()),
+    };
+    let steps: Vec<&str> = path.split('.').collect();
+    if let Err((what, next)) = place_value(root, &steps, path, value, &place) {
+        report.error("set-path", &place, what, next);
+    }
+}
+
+type Refusal = (String, String);
+
+/// Walks down `steps` and puts the value there.
+fn place_value(node: &mut Node, steps: &[&str], path: &str, value: Value, place: &Place) -> Result<(), Refusal> {
+    let [step, rest @ ..] = steps else {
+        node.value = value;
+        node.place = place.clone();
+        return Ok(());
+    };
+    match &mut node.value {
+        Value::Table(inner) => {
+            if rest.is_empty() {
+                let base = quantity::base_of_key(step);
+                inner.entries.retain(|entry| entry.key == *step || quantity::base_of_key(&entry.key) != base);
+            }
+            let index = inner.entries.iter().position(|entry| entry.key == *step).unwrap_or_else(|| {
+                let node = Node { value: Value::Table(Table::default()), place: place.clone() };
+                inner.entries.push(Entry { key: (*step).to_owned(), key_place: place.clone(), node });
+                inner.entries.len() - 1
+            });
+            let entry = &mut inner.entries[index];
+            if rest.is_empty() {
+                entry.key_place = place.clone();
+            }
+            place_value(&mut entry.node, rest, path, value, place)
+        }
+        Value::Array(items) => {
+            let index = element(items, step).ok_or_else(|| missing_element(items, step, path))?;
+            place_value(&mut items[index], rest, path, value, place)
+        }
+        other => Err((
+            format!("`{path}` does not exist: the value above `{step}` is {}", other.kind()),
+            "name a key of the scene file, in dots".to_owned(),
+        )),
+    }
+}
+
+/// Position of the element that `step` names: its `name`, its materials `a-b`, or its number from 0.
+fn element(items: &[Node], step: &str) -> Option<usize> {
+    let named = items.iter().position(|item| match &item.value {
+        Value::Table(inner) => inner.name() == Some(step) || inner.is_pair(step),
+        _ => false,
+    });
+    named.or_else(|| step.parse().ok().filter(|index| *index < items.len()))
+}
+
+fn missing_element(items: &[Node], step: &str, path: &str) -> Refusal {
+    let named = |item: &Node| match &item.value {
+        Value::Table(inner) => inner.name().map(str::to_owned).or_else(|| inner.pair()),
+        _ => None,
+    };
+    let names: Vec<String> = items.iter().filter_map(named).collect();
+    let known = if names.is_empty() {
+        format!("elements go by their number from 0; there are {}", items.len())
+    } else {
+        super::diagnostics::hint(step, &names.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    (format!("`{path}` does not exist: nothing is called `{step}` there"), known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(text: &str) -> Node {
+        let report = Report::new("scene.toml", text);
+        let node = parse(text, &report);
+        assert!(report.into_findings().is_empty());
+        node
+    }
+
+    fn at<'a>(node: &'a Node, steps: &[&str]) -> &'a Value {
+        steps.iter().fold(&node.value, |value, step| match value {
+            Value::Table(table) => &table.get(step).expect("the key exists").value,
+            Value::Array(items) => &items[step.parse::<usize>().expect("a number")].value,
+            other => panic!("{step} in {other:?}"),
+        })
+    }
+
+    #[test]
+    fn an_override_reaches_into_named_elements_pairs_and_numbers() {
+        let mut node = tree(
+            "seed = 1\n[[part]]\nname = \"wall\"\n[[part]]\nname = \"mill\"\n[[part.motion]]\nrate = \"1 rpm\"\n\
+             [[pair]]\nbetween = [\"a\", \"b\"]\nfriction = 0.1\n",
+        );
+        let report = Report::new("scene.toml", "");
+        for (path, text) in [
+            ("part.mill.motion.0.rate", "20 rpm"),
+            ("pair.b-a.friction", "0.5"),
+            ("seed", "7"),
+            ("output.frames", "\"1 s\""),
+            ("output.formats", "[\"vtp\"]"),
+        ] {
+            set(&mut node, path, text, &report);
+        }
+        assert!(report.into_findings().is_empty());
+        assert_eq!(at(&node, &["part", "1", "motion", "0", "rate"]), &Value::Text("20 rpm".into()));
+        assert_eq!(at(&node, &["pair", "0", "friction"]), &Value::Number(0.5));
+        assert_eq!(at(&node, &["seed"]), &Value::Integer(7));
+        assert_eq!(at(&node, &["output", "frames"]), &Value::Text("1 s".into()));
+        assert!(matches!(at(&node, &["output", "formats"]), Value::Array(items) if items.len() == 1));
+    }
+
+    #[test]
+    fn an_override_replaces_another_spelling_of_the_same_key() {
+        let mut node = tree("[particle.ore]\ndiameter = \"3 mm\"\nmaterial = \"ore\"\n");
+        let report = Report::new("scene.toml", "");
+        set(&mut node, "particle.ore.diameter_mm", "4", &report);
+        assert_eq!(at(&node, &["particle", "ore", "diameter_mm"]), &Value::Integer(4));
+        let Value::Table(ore) = at(&node, &["particle", "ore"]) else { panic!("a table") };
+        assert!(ore.get("diameter").is_none());
+    }
+
+    #[test]
+    fn entries_keep_the_order_of_the_file() {
+        let node = tree("[material.z]\na = 1\n[material.a]\nb = 1\n");
+        let Value::Table(materials) = at(&node, &["material"]) else { panic!("a table") };
+        assert_eq!(materials.entries.iter().map(|entry| entry.key.as_str()).collect::<Vec<_>>(), ["z", "a"]);
+    }
+}
