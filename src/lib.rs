@@ -15,6 +15,7 @@ pub mod report;
 pub mod run;
 pub mod scene;
 pub mod stage;
+pub mod verify;
 // --- physics ground floor: no upward imports ---
 pub mod dem;
 pub mod geometry;
