@@ -7,13 +7,13 @@ use tollgate::{exit_code, plan, scene};
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    scene: SceneArguments,
+    pub scene: SceneArguments,
     /// Threads that the run will have [default: one a processor core]
     #[arg(long)]
-    threads: Option<usize>,
+    pub threads: Option<usize>,
     /// The plan as JSON on stdout
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> u8 {
