@@ -7,8 +7,8 @@ use crate::dem::law::{Compatibility, NormalLaw};
 use crate::dem::timescale as scale;
 use crate::scene::Scene;
 
-/// Overlap over the radius at which a Hertz contact's stiffness is taken where the expected impact is gentler than that:
-/// beds press their contacts harder than a slow impact does.
+/// Overlap over the radius at which the stiffness of a Hertz contact in a bed is taken, and of an impact where that is
+/// gentler: the weight of a bed presses its contacts harder than a slow impact does.
 const LEAST_OVERLAP: f64 = 0.01;
 
 /// Particles that can be in a scene: one class, or one material of an initial-state file.
@@ -45,6 +45,8 @@ pub struct PossibleContact {
     pub effective_youngs_modulus: f64,
     /// Normal stiffness k_n [N/m]: of the linear law, or the tangent one of Hertz at the largest expected overlap.
     pub normal_stiffness: f64,
+    /// The same while the particle lies in a bed [N/m]: of Hertz the tangent one at an overlap of 1 % of the radius.
+    pub resting_stiffness: f64,
     /// Tangential over normal stiffness [-].
     pub tangential_ratio: f64,
     /// Damping ratio zeta [-].
@@ -148,8 +150,9 @@ fn contact(
     let youngs = pair.effective_youngs_modulus;
     let hertz = scene.law.normal == NormalLaw::HertzMindlin;
     let mindlin = 4.0 * pair.effective_shear_modulus / youngs;
-    let (normal_stiffness, tangential_ratio, damping_ratio) = match pair.direct {
+    let (normal_stiffness, resting_stiffness, tangential_ratio, damping_ratio) = match pair.direct {
         Some(direct) => (
+            direct.normal_stiffness,
             direct.normal_stiffness,
             direct.tangential_stiffness / direct.normal_stiffness,
             direct.normal_damping / (2.0 * (effective_mass * direct.normal_stiffness).sqrt()),
@@ -158,13 +161,15 @@ fn contact(
         None if youngs.is_nan() || youngs <= 0.0 => return None,
         None if hertz => {
             let deepest = scale::hertz_maximum_overlap(effective_mass, effective_radius, youngs, speed);
-            let overlap = deepest.max(LEAST_OVERLAP * kind.smallest);
-            (scale::hertz_tangent_stiffness(youngs, effective_radius, overlap), mindlin, pair.damping_factor)
+            let stiffness = |overlap| scale::hertz_tangent_stiffness(youngs, effective_radius, overlap);
+            let resting = LEAST_OVERLAP * kind.smallest;
+            (stiffness(deepest.max(resting)), stiffness(resting), mindlin, pair.damping_factor)
         }
         None => {
             let velocity = scene.law.characteristic_velocity;
             let ratio = if scene.law.compatibility == Compatibility::Liggghts { 1.0 } else { mindlin };
-            (scale::linear_stiffness(effective_mass, effective_radius, youngs, velocity), ratio, pair.damping_factor)
+            let stiffness = scale::linear_stiffness(effective_mass, effective_radius, youngs, velocity);
+            (stiffness, stiffness, ratio, pair.damping_factor)
         }
     };
     let is_direct = pair.direct.is_some();
@@ -190,6 +195,7 @@ fn contact(
         effective_radius,
         effective_youngs_modulus: if is_direct { 0.0 } else { youngs },
         normal_stiffness,
+        resting_stiffness,
         // without friction nothing acts along the tangent
         tangential_ratio: if pair.sliding_friction > 0.0 { tangential_ratio } else { 0.0 },
         damping_ratio,

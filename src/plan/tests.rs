@@ -158,6 +158,17 @@ fn every_limit_has_its_closed_form() {
     let on_floor = scale::hertz_contact_duration(mass, RADIUS, effective_youngs, fall());
     let on_another = scale::hertz_contact_duration(mass / 2.0, RADIUS / 2.0, effective_youngs / 2.0, fall());
     assert_relative_eq!(limit(&plan, "hertz_contact_duration"), on_floor.min(on_another) / 5.0, max_relative = 1e-13);
+    // a sphere in a corner of the bed at 1 % of its radius, hit on the stiffest side: 11/12 (9 k_pp + 3 k_pw) + k_impact
+    let tangent = |youngs: f64, radius: f64, overlap: f64| 2.0 * youngs * (radius * overlap).sqrt();
+    let (e_pp, e_pw) = (effective_youngs / 2.0, effective_youngs);
+    let resting = 9.0 * tangent(e_pp, RADIUS / 2.0, 0.01 * RADIUS) + 3.0 * tangent(e_pw, RADIUS, 0.01 * RADIUS);
+    let hit = tangent(e_pw, RADIUS, scale::hertz_maximum_overlap(mass, RADIUS, e_pw, fall()));
+    // the wall's own compliance is none, and Mindlin's ratio k_t / k_n = 4 G* / E* = 2 (1 - nu) / (2 - nu) for both
+    let ratio = 2.0 * (1.0 - POISSON) / (2.0 - POISSON);
+    let omega_squared = 2.0 * (11.0 / 12.0 * resting + hit) * ratio * (2.0 / 3.0) / 0.4 / mass;
+    let damping = scale::damping_ratio(0.5);
+    let factor = (1.0 + damping * damping).sqrt() - damping;
+    assert_relative_eq!(limit(&plan, "spring_period"), 2.0 / omega_squared.sqrt() * factor, max_relative = 1e-12);
     assert_relative_eq!(limit(&plan, "displacement"), 0.1 * RADIUS / fall(), max_relative = 1e-14);
     assert_eq!(limit(&plan, "moving_wall"), f64::INFINITY);
     let smallest = plan.timestep.limits.iter().map(|limit| limit.value).fold(f64::INFINITY, f64::min);

@@ -166,17 +166,20 @@ fn spring_period(scene: &Scene, contacts: &[PossibleContact]) -> Limit {
     let mut limit =
         Limit { name: "spring_period", value: f64::INFINITY, stability: true, note: "nothing touches".to_owned() };
     for contact in contacts {
-        // all contacts of the same particle: those with particles, and up to a corner's number with walls
         let same = contacts.iter().filter(|other| other.mass == contact.mass && other.radius == contact.radius);
-        let (mut by_particle, mut by_wall, mut ratio, mut damping) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
+        // a particle of a bed, with as many walls as a corner has, while one more body hits it
+        let (mut by_particle, mut by_wall, mut hit) = (0.0_f64, 0.0_f64, 0.0_f64);
+        let (mut ratio, mut damping) = (0.0_f64, 0.0_f64);
         for other in same {
             let stiffest = if other.with_wall { &mut by_wall } else { &mut by_particle };
-            *stiffest = stiffest.max(other.normal_stiffness);
+            *stiffest = stiffest.max(other.resting_stiffness);
+            hit = hit.max(other.normal_stiffness);
             ratio = ratio.max(other.tangential_ratio);
             damping = damping.max(other.damping_ratio);
         }
-        let total = (all - with_walls) * by_particle + with_walls * by_wall.max(by_particle);
         let count = if by_particle > 0.0 { all } else { with_walls };
+        let resting = (all - with_walls) * by_particle + with_walls * by_wall.max(by_particle);
+        let total = resting * (count - 1.0) / count + hit;
         let value = scale::spring_period_timestep(&SpringBed {
             mass: contact.mass,
             inertia_factor: scene.body.inertia_factor(),
@@ -189,7 +192,7 @@ fn spring_period(scene: &Scene, contacts: &[PossibleContact]) -> Limit {
         if value < limit.value {
             limit.value = value;
             limit.note = format!(
-                "2 / omega_max of the lightest particle ({:.4} mm) with {count} contacts of {:.3e} N/m",
+                "2 / omega_max of the lightest particle ({:.4} mm) with {count} contacts of {:.3e} N/m on average",
                 2e3 * contact.radius,
                 total / count
             );

@@ -9,7 +9,6 @@ pub mod region;
 pub mod report;
 pub mod runner;
 pub mod size;
-mod sphere_inside;
 pub mod stream;
 
 pub use initial_state::InitialStateError;

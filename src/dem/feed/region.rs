@@ -1,8 +1,8 @@
 //! Where feeds put particles: points drawn inside a region or a face, with the whole sphere (or disc) inside.
 
-use super::sphere_inside::SphereInside;
 use super::{Face, Region};
-use crate::math::{Bounds, Vec3};
+use crate::geometry::solid::Solid;
+use crate::math::Vec3;
 use crate::particle::Body;
 use std::f64::consts::TAU;
 
@@ -14,16 +14,16 @@ const ALONG: f64 = 1e-9;
 pub struct RegionSampler {
     region: Region,
     body: Body,
-    /// Bounds of the mesh, if it is one: worked out once, asked for at every attempt.
-    bounds: Bounds,
+    /// The mesh, if it is one, with its search tree: built once, asked at every attempt.
+    solid: Option<Solid>,
 }
 
 impl RegionSampler {
     /// A sampler of `region` for one kind of body.
     #[must_use]
     pub fn new(region: Region, body: Body) -> Self {
-        let bounds = if let Region::Inside(mesh) = &region { mesh.bounds() } else { Bounds::EMPTY };
-        Self { region, body, bounds }
+        let solid = if let Region::Inside(mesh) = &region { Some(Solid::new(mesh)) } else { None };
+        Self { region, body, solid }
     }
 
     /// The centre that three numbers in [0, 1) stand for, for a body of `radius` [m] that lies inside as a whole;
@@ -37,10 +37,12 @@ impl RegionSampler {
             Region::Cylinder { start, end, radius: outer } => {
                 place_in_cylinder(start, end, *outer, numbers, radius, flat)
             }
-            Region::Inside(mesh) => {
-                let (minimum, maximum) = (Vec3::from(self.bounds.minimum), Vec3::from(self.bounds.maximum));
+            Region::Inside(_) => {
+                let solid = self.solid.as_ref()?;
+                let bounds = solid.bounds();
+                let (minimum, maximum) = (Vec3::from(bounds.minimum), Vec3::from(bounds.maximum));
                 place_in_box(&minimum, &maximum, numbers, radius, flat)
-                    .filter(|centre| mesh.sphere_inside(centre, radius))
+                    .filter(|centre| solid.sphere_inside(centre, radius))
             }
         }
     }

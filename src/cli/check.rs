@@ -1,0 +1,34 @@
+//! `tollgate check`: all findings at once.
+
+use super::{SceneArguments, print};
+use tollgate::scene::{self, Severity};
+use tollgate::{exit_code, plan};
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Findings as JSON on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> u8 {
+    let (scene, mut findings) = match scene::read(&arguments.scene.scene, &arguments.scene.all_settings()) {
+        Ok((scene, warnings)) => (Some(scene), warnings),
+        Err(findings) => (None, findings),
+    };
+    findings.sort_by_key(|finding| (finding.line, finding.column));
+    let planned = scene.as_ref().map(|scene| plan::plan(scene, None).findings).unwrap_or_default();
+    if arguments.json {
+        let all = serde_json::json!({ "scene": findings, "plan": planned });
+        print::result(&all.to_string());
+    } else {
+        print::message(&arguments.scene.rendered(&findings));
+        planned.iter().for_each(|finding| print::message(&format!("plan: {}", finding.text)));
+        let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
+        let warnings = findings.len() - errors + planned.len();
+        print::result(&format!("{errors} errors, {warnings} warnings"));
+    }
+    if scene.is_some() { exit_code::DONE } else { exit_code::USAGE }
+}

@@ -1,0 +1,113 @@
+//! The command line: one file a subcommand; no physics.
+
+mod check;
+mod init;
+mod plan;
+mod run;
+mod verify;
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use tollgate::exit_code;
+use tollgate::scene::Finding;
+use tollgate::scene::diagnostics::render;
+
+/// Discrete element (DEM) simulations of plants, stage by stage.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Write a commented scene that runs
+    Init(init::Arguments),
+    /// Check a scene: all findings at once, with what to do next
+    Check(check::Arguments),
+    /// Say what follows from a scene: models, time-step limits, cost
+    Plan(plan::Arguments),
+    /// Run a scene
+    Run(run::Arguments),
+    /// Verify the solver against closed forms and published benchmarks
+    Verify(verify::Arguments),
+}
+
+/// The scene, and what is changed in it.
+#[derive(Debug, Clone, Args)]
+struct SceneArguments {
+    /// Scene file, or the folder that holds scene.toml
+    scene: PathBuf,
+    /// Change a key of the scene, as in `part.chute.material=steel`; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_and_value)]
+    settings: Vec<(String, String)>,
+    /// Seed of every random draw
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Force a model on or off; may be repeated
+    #[arg(long = "model", value_name = "NAME=on|off", value_parser = model_and_state)]
+    models: Vec<(String, bool)>,
+}
+
+fn key_and_value(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("write KEY=VALUE, as in seed=7")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+fn model_and_state(text: &str) -> Result<(String, bool), String> {
+    match text.split_once('=') {
+        Some((name, "on")) => Ok((name.to_owned(), true)),
+        Some((name, "off")) => Ok((name.to_owned(), false)),
+        _ => Err("write NAME=on or NAME=off, as in rolling_resistance=off".to_owned()),
+    }
+}
+
+impl SceneArguments {
+    /// All changes as settings of the scene.
+    fn all_settings(&self) -> Vec<(String, String)> {
+        let mut settings = self.settings.clone();
+        settings.extend(self.seed.map(|seed| ("seed".to_owned(), seed.to_string())));
+        settings.extend(self.models.iter().map(|(name, on)| (format!("solver.models.{name}"), on.to_string())));
+        settings
+    }
+
+    /// The findings with the lines they speak of.
+    fn rendered(&self, findings: &[Finding]) -> String {
+        let file = if self.scene.is_dir() { self.scene.join("scene.toml") } else { self.scene.clone() };
+        render(findings, &std::fs::read_to_string(file).unwrap_or_default())
+    }
+}
+
+/// Prints for the user: results on stdout, everything else on stderr. A closed pipe is no failure.
+mod print {
+    use std::io::Write;
+
+    pub fn result(text: &str) {
+        drop(writeln!(std::io::stdout(), "{}", text.trim_end()));
+    }
+
+    pub fn message(text: &str) {
+        drop(writeln!(std::io::stderr(), "{}", text.trim_end()));
+    }
+}
+
+/// Parses the command line and runs its subcommand.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            let asked = !error.use_stderr();
+            drop(error.print());
+            return ExitCode::from(if asked { exit_code::DONE } else { exit_code::USAGE });
+        }
+    };
+    ExitCode::from(match cli.verb {
+        Verb::Init(arguments) => init::run(&arguments),
+        Verb::Check(arguments) => check::run(&arguments),
+        Verb::Plan(arguments) => plan::run(&arguments),
+        Verb::Run(arguments) => run::run(&arguments),
+        Verb::Verify(arguments) => verify::run(&arguments),
+    })
+}

@@ -1,0 +1,37 @@
+//! `tollgate plan`: what follows from a scene.
+
+use super::{SceneArguments, print};
+use tollgate::backend::native;
+use tollgate::{exit_code, plan, scene};
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Threads that the run will have [default: one a processor core]
+    #[arg(long)]
+    threads: Option<usize>,
+    /// The plan as JSON on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> u8 {
+    let (scene, warnings) = match scene::read(&arguments.scene.scene, &arguments.scene.all_settings()) {
+        Ok(read) => read,
+        Err(findings) => {
+            print::message(&arguments.scene.rendered(&findings));
+            return exit_code::USAGE;
+        }
+    };
+    let threads = arguments.threads.unwrap_or_else(native::default_threads);
+    let first = plan::plan(&scene, None);
+    let plan = plan::plan(&scene, native::calibrate::calibrate(&scene, &first, threads));
+    if arguments.json {
+        print::result(&serde_json::to_string_pretty(&plan).expect("a plan is plain numbers and names"));
+    } else {
+        print::message(&arguments.scene.rendered(&warnings));
+        print::result(&plan.to_text());
+    }
+    if plan.is_refused() { exit_code::USAGE } else { exit_code::DONE }
+}

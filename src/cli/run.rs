@@ -1,0 +1,159 @@
+//! `tollgate run`: a scene end to end.
+
+use super::{SceneArguments, print};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tollgate::exit_code;
+use tollgate::output::progress::Verbosity;
+use tollgate::output::summary::Summary;
+use tollgate::run::{RunError, RunReport, RunRequest, run as run_scene};
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Folder for the results, never overwritten [default: runs/<scene>]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Threads; they change no bit of the result [default: one a processor core]
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Start from another run's checkpoint, with its contacts
+    #[arg(long, value_name = "CHECKPOINT")]
+    from: Option<PathBuf>,
+    /// Continue an unfinished run from its checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Run although the plan refuses
+    #[arg(long)]
+    force: bool,
+    /// Only say what would be run
+    #[arg(long)]
+    dry_run: bool,
+    /// The summary as JSON on stdout, and nothing else
+    #[arg(long)]
+    json: bool,
+    /// Progress lines also where stderr is no terminal
+    #[arg(short, long)]
+    verbose: bool,
+}
+
+/// Set by Ctrl-C: the run ends after its time step, with a checkpoint.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+pub fn run(arguments: &Arguments) -> u8 {
+    if arguments.dry_run {
+        return dry_run(arguments);
+    }
+    let noted = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    if let Err(error) = noted {
+        print::message(&format!("Ctrl-C will end the run without a last checkpoint ({error})"));
+    }
+    match run_scene(&request(arguments), &INTERRUPTED) {
+        Ok(report) => {
+            show(arguments, &report);
+            report.summary.outcome.exit_code
+        }
+        Err(error) => {
+            print::message(&explain(arguments, &error));
+            error.exit_code()
+        }
+    }
+}
+
+fn request(arguments: &Arguments) -> RunRequest {
+    let mut settings = arguments.scene.all_settings();
+    let from = arguments.from.as_ref().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.clone()));
+    settings.extend(from.map(|path| ("start_checkpoint".to_owned(), format!("{:?}", path.display().to_string()))));
+    RunRequest {
+        scene: arguments.scene.scene.clone(),
+        settings,
+        out: arguments.out.clone(),
+        threads: arguments.threads,
+        force: arguments.force,
+        resume: arguments.resume,
+        verbosity: match (arguments.json, arguments.verbose) {
+            (true, _) => Verbosity::Silent,
+            (false, true) => Verbosity::Verbose,
+            (false, false) => Verbosity::Normal,
+        },
+    }
+}
+
+fn dry_run(arguments: &Arguments) -> u8 {
+    super::plan::run(&super::plan::Arguments {
+        scene: arguments.scene.clone(),
+        threads: arguments.threads,
+        json: arguments.json,
+    })
+}
+
+fn show(arguments: &Arguments, report: &RunReport) {
+    if arguments.json {
+        print::result(&serde_json::to_string_pretty(&report.summary).expect("a summary is plain numbers and names"));
+        return;
+    }
+    if report.was_done {
+        print::message("this run was done before; nothing was computed");
+    }
+    report.summary.warnings.iter().for_each(|warning| print::message(&format!("warning: {warning}")));
+    print::result(&lines(&report.summary).join("\n"));
+    if !report.timing.is_empty() {
+        print::message(&report.timing);
+    }
+    let folder = report.folder.display();
+    print::result(&format!("results in {folder}: summary.json, series.csv, frames.pvd, picture.svg"));
+    if report.summary.outcome.exit_code == exit_code::INTERRUPTED {
+        print::message(&format!("interrupted; go on with the same command and --resume (results so far in {folder})"));
+    }
+}
+
+/// The summary in words.
+fn lines(summary: &Summary) -> Vec<String> {
+    let mut lines = Vec::new();
+    for stage in &summary.stages {
+        lines.push(format!(
+            "{}: ended by {} at {:.6} s after {} steps of {:.3e} s; {} particles; {:.1} s wall, {:.2} million particle steps a second",
+            stage.name,
+            summary.outcome.reason,
+            summary.outcome.time_s,
+            stage.steps,
+            stage.timestep_s,
+            stage.particles,
+            stage.wall_s,
+            stage.particle_steps_per_s / 1e6
+        ));
+    }
+    for feed in &summary.feeds {
+        let asked = match (feed.asked_count, feed.asked_mass_kg) {
+            (Some(count), _) => format!("{count} particles asked"),
+            (None, Some(mass)) => format!("{mass:.4} kg asked"),
+            (None, None) => "no amount asked".to_owned(),
+        };
+        lines.push(format!(
+            "feed '{}': {asked}, {} particles inserted ({:.4} kg)",
+            feed.name, feed.inserted_count, feed.inserted_mass_kg
+        ));
+    }
+    lines.extend(summary.removed.iter().map(|r| format!("left {}: {} particles, {:.4} kg", r.cause, r.count, r.mass_kg)));
+    lines.extend(summary.events.iter().map(|event| format!("{:.4} s: {}", event.time_s, event.what)));
+    for (name, value) in &summary.measures {
+        match value.as_f64() {
+            Some(number) => lines.push(format!("{name}: {number:.5}")),
+            None => lines.push(format!("{name}: {}", value.as_str().unwrap_or("no value"))),
+        }
+    }
+    lines
+}
+
+fn explain(arguments: &Arguments, error: &RunError) -> String {
+    match error {
+        RunError::Scene(findings) => arguments.scene.rendered(findings),
+        RunError::Refused(plan) => {
+            format!("{}\nthe plan refuses this run; change the scene as it says, or --force it", plan.to_text())
+        }
+        RunError::NoBackend(plan) => format!("{}\nno backend can do what this scene needs", plan.to_text()),
+        RunError::Folder(text) => text.clone(),
+        RunError::Backend(error) => error.to_string(),
+    }
+}
