@@ -1,71 +1,58 @@
-//! The bed on the native solver, in the conventions of LIGGGHTS.
+//! The bed on the native solver, in the conventions of LIGGGHTS, as a user would run it: from a scene to a folder of results.
 
 use crate::bed::Bed;
-use tollgate::dem::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
-use tollgate::dem::simulation::{Setup, Simulation};
-use tollgate::geometry::motion::Motion;
-use tollgate::geometry::part::{Part, Surface, Trigger};
-use tollgate::material::{Elasticity, Material, MaterialTable, PairContact, PairProperties};
-use tollgate::math::{Bounds, Vec3, vec3};
-use tollgate::particle::{Body, ParticleState};
-
-/// Hertz-Mindlin as LIGGGHTS' `hertz` with `tangential history`.
-const LAW: LawSettings = LawSettings {
-    normal: NormalLaw::HertzMindlin,
-    tangential: TangentialLaw::Total,
-    tangential_damping: true,
-    attraction: true,
-    rolling: RollingLaw::None,
-    characteristic_velocity: 1.0,
-    compatibility: Compatibility::Liggghts,
-};
-
-/// The bed in its box, ready to step.
-pub fn simulation(bed: &Bed, start: &[ParticleState], threads: usize) -> Simulation {
-    let elasticity = Some(Elasticity::Isotropic { youngs_modulus: 5e6, poissons_ratio: 0.45 });
-    let mut materials = MaterialTable::new(vec![Material { name: "grain".into(), density: Some(2500.0), elasticity }]);
-    let contact = PairContact::Restitution { coefficient: 0.5 };
-    materials.set_pair(0, 0, PairProperties { contact, sliding_friction: 0.5, rolling_friction: 0.0 });
-    let size = bed.size();
-    let wall = |(axis, far): (usize, bool)| {
-        let mut normal = Vec3::zeros();
-        normal[axis] = if far { -1.0 } else { 1.0 };
-        Part {
-            name: format!("wall {axis} {far}"),
-            material: 0,
-            surface: Surface::Plane { point: if far { size } else { Vec3::zeros() }, normal },
-            motion: Motion::default(),
-            appears: Trigger::Always,
-            disappears: Trigger::Never,
-        }
-    };
-    let sides = (0..3).flat_map(|axis| [(axis, false), (axis, true)]);
-    let mut simulation = Simulation::new(Setup {
-        body: Body::Sphere,
-        gravity: vec3(0.0, 0.0, -9.81),
-        domain: Bounds { minimum: [0.0; 3], maximum: size.into() },
-        periodic: [false; 3],
-        materials,
-        law: LAW,
-        classes: Vec::new(),
-        feeds: Vec::new(),
-        parts: sides.map(wall).collect(),
-        seed: 1,
-        timestep: 1e-5,
-        skin: 0.5e-3,
-        overlap_limit: 0.5,
-        energy: false,
-        threads,
-    });
-    simulation.insert(start);
-    simulation
-}
+use crate::state::{read_dump, write_table};
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use tollgate::particle::ParticleState;
+use tollgate::run::{RunRequest, run as run_scene};
 
 /// State after `steps` steps.
 pub fn run(bed: &Bed, start: &[ParticleState], steps: u64, threads: usize) -> Vec<ParticleState> {
-    let mut simulation = simulation(bed, start, threads);
-    for _ in 0..steps {
-        simulation.step().unwrap_or_else(|stop| panic!("{stop}"));
+    let folder = tempfile::tempdir_in(bed.folder()).unwrap();
+    write_table(&folder.path().join("fill_bed.csv"), start);
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/scene.toml");
+    fs::copy(scene, folder.path().join("scene.toml")).unwrap();
+    let out = folder.path().join("out");
+    let request = RunRequest {
+        scene: folder.path().join("scene.toml"),
+        settings: settings(bed, steps),
+        out: Some(out.clone()),
+        threads: Some(threads),
+        ..RunRequest::default()
+    };
+    let report = run_scene(&request, &AtomicBool::new(false)).unwrap_or_else(|error| panic!("{error:?}"));
+    read_dump(&dump_in(&report.folder))
+}
+
+/// What differs from the scene of 20 000 spheres.
+fn settings(bed: &Bed, steps: u64) -> Vec<(String, String)> {
+    let size = bed.size();
+    let corner = format!("[\"{} m\", \"{} m\", \"{} m\"]", size.x, size.y, size.z);
+    let mut settings = vec![
+        ("contact.compatibility".into(), "liggghts".into()),
+        ("domain.max".into(), corner.clone()),
+        ("solver.timestep".into(), "10 us".into()),
+        ("solver.skin".into(), "0.5 mm".into()),
+        ("end.time".into(), format!("{} us", 10 * steps)),
+        ("output".into(), "{ formats = [\"lammps\"] }".into()),
+    ];
+    for part in ["right", "back", "lid"] {
+        settings.push((format!("part.{part}.point"), corner.clone()));
     }
-    simulation.particles()
+    settings
+}
+
+/// The one text dump of a run's folder.
+fn dump_in(folder: &Path) -> std::path::PathBuf {
+    let mut found: Vec<_> =
+        walk(folder).into_iter().filter(|path| path.extension().is_some_and(|e| e == "lammpstrj")).collect();
+    assert_eq!(found.len(), 1, "{found:?}");
+    found.remove(0)
+}
+
+fn walk(folder: &Path) -> Vec<std::path::PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { walk(&path) } else { vec![path] }).collect()
 }
