@@ -7,9 +7,9 @@ mod summary;
 use crate::analysis::{MeasureResult, Observed, evaluate};
 use crate::backend::{BackendError, native};
 use crate::exit_code;
+use crate::output::OutputError;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
-use crate::output::OutputError;
 use crate::plan::{Plan, plan};
 use crate::scene::{self, Finding, Scene};
 use crate::stage::key::{Choices, StageKey};
@@ -111,7 +111,7 @@ pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, 
         interrupted,
     };
     let warned = summary::warnings(&warnings, &plan);
-    let result = match native::run(&scene, setup, &stage) {
+    let result = match native::run(&scene, setup, &stage, &mut []) {
         Ok(result) => result,
         Err(error) => {
             summary::of_failure(request, &scene, &plan, &error, warned).write(&folder.summary_path())?;

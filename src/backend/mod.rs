@@ -2,7 +2,6 @@
 
 pub mod native;
 
-use crate::dem::watchdog::Stop;
 use crate::exit_code;
 use crate::output::OutputError;
 
@@ -10,7 +9,12 @@ use crate::output::OutputError;
 #[derive(Debug)]
 pub enum BackendError {
     /// The watchdog stopped an unstable run; everything written so far is readable.
-    Unstable(Stop),
+    Unstable {
+        /// What was seen, when, where, and what to change.
+        what: String,
+        /// Plant time reached [s].
+        time: f64,
+    },
     /// The disk or system refused, or a file that should be continued cannot be used.
     Output(OutputError),
     /// A checkpoint does not fit what is asked of it.
@@ -22,7 +26,7 @@ impl BackendError {
     #[must_use]
     pub const fn exit_code(&self) -> u8 {
         match self {
-            Self::Unstable(_) => exit_code::UNSTABLE,
+            Self::Unstable { .. } => exit_code::UNSTABLE,
             Self::Output(error) => error.exit_code(),
             Self::Checkpoint(_) => exit_code::STREAM_UNUSABLE,
         }
@@ -32,7 +36,7 @@ impl BackendError {
 impl std::fmt::Display for BackendError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Unstable(stop) => write!(f, "the run is unstable and was stopped: {stop}"),
+            Self::Unstable { what, .. } => write!(f, "the run is unstable and was stopped: {what}"),
             Self::Output(error) => error.fmt(f),
             Self::Checkpoint(reason) => f.write_str(reason),
         }
@@ -44,11 +48,5 @@ impl std::error::Error for BackendError {}
 impl From<OutputError> for BackendError {
     fn from(error: OutputError) -> Self {
         Self::Output(error)
-    }
-}
-
-impl From<Stop> for BackendError {
-    fn from(stop: Stop) -> Self {
-        Self::Unstable(stop)
     }
 }

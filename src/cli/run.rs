@@ -135,7 +135,9 @@ fn lines(summary: &Summary) -> Vec<String> {
             feed.name, feed.inserted_count, feed.inserted_mass_kg
         ));
     }
-    lines.extend(summary.removed.iter().map(|r| format!("left {}: {} particles, {:.4} kg", r.cause, r.count, r.mass_kg)));
+    lines.extend(
+        summary.removed.iter().map(|r| format!("left {}: {} particles, {:.4} kg", r.cause, r.count, r.mass_kg)),
+    );
     lines.extend(summary.events.iter().map(|event| format!("{:.4} s: {}", event.time_s, event.what)));
     for (name, value) in &summary.measures {
         match value.as_f64() {

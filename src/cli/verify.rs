@@ -22,8 +22,9 @@ pub fn run(arguments: &Arguments) -> u8 {
         print::message(&format!("unknown cases: {unknown:?}; there are: {}", known.join(", ")));
         return exit_code::USAGE;
     }
-    let wanted = suite.iter().filter(|case| arguments.cases.is_empty() || arguments.cases.iter().any(|n| n == case.name));
-    let mut experiment = verify::Native::default();
+    let wanted =
+        suite.iter().filter(|case| arguments.cases.is_empty() || arguments.cases.iter().any(|n| n == case.name));
+    let mut experiment = verify::Native;
     let results: Vec<verify::CaseResult> = wanted.map(|case| verify::run_case(case, &mut experiment)).collect();
     print::result(&verify::table(&results));
     let failed = results.iter().filter(|result| !result.passed()).count();

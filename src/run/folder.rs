@@ -21,7 +21,8 @@ pub struct RunFolder {
 /// Name of the default folder: that of the scene's folder or file.
 pub fn name_of(scene: &Path) -> String {
     let full = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    let named = if full.file_name().is_some_and(|name| name == "scene.toml") { full.parent() } else { Some(full.as_path()) };
+    let named =
+        if full.file_name().is_some_and(|name| name == "scene.toml") { full.parent() } else { Some(full.as_path()) };
     let stem = named.and_then(Path::file_stem);
     stem.map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
@@ -54,8 +55,9 @@ impl RunFolder {
         let shown = self.path.display();
         let record = self.record_path();
         let text = fs::read_to_string(&record).map_err(|source| OutputError::system("read", &record, source))?;
-        let held: Value = serde_json::from_str(&text)
-            .map_err(|error| RunError::Folder(format!("{} is damaged ({error}); choose another --out", record.display())))?;
+        let held: Value = serde_json::from_str(&text).map_err(|error| {
+            RunError::Folder(format!("{} is damaged ({error}); choose another --out", record.display()))
+        })?;
         if held["key"] != key.key.as_str() {
             let changes = differences(&held["content"], &key.content, MOST_DIFFERENCES).join("\n  ");
             return Err(RunError::Folder(format!(

@@ -13,12 +13,7 @@ use crate::scene::{MeasureKind, Scene};
 use std::path::Path;
 
 /// Writes `picture.svg`: particles by diameter, the parts that are there, and the slopes of every measured heap.
-pub fn draw(
-    scene: &Scene,
-    result: &StageResult,
-    measures: &[MeasureResult],
-    folder: &Path,
-) -> Result<(), OutputError> {
+pub fn draw(scene: &Scene, result: &StageResult, measures: &[MeasureResult], folder: &Path) -> Result<(), OutputError> {
     let along = scene.measures.iter().find_map(|measure| match measure.kind {
         MeasureKind::AngleOfRepose { along, .. } => Some(along),
         _ => None,

@@ -2,10 +2,9 @@
 
 use super::RunRequest;
 use crate::analysis::{MassSeries, MeasureResult};
-use crate::backend::native::{self, EndReason, StageResult};
 use crate::backend::BackendError;
+use crate::backend::native::{self, EndReason, PartEvent, RemovalCause, StageResult};
 use crate::dem::feed::{Amount, FeedReport};
-use crate::dem::removal::RemovalCause;
 use crate::exit_code;
 use crate::output::OutputError;
 use crate::output::series::Series;
@@ -63,7 +62,7 @@ pub fn of_failure(
     error: &BackendError,
     warnings: Vec<String>,
 ) -> Summary {
-    let time_s = if let BackendError::Unstable(stop) = error { stop.time } else { f64::NAN };
+    let time_s = if let BackendError::Unstable { time, .. } = error { *time } else { f64::NAN };
     Summary {
         scene: provenance(request, scene),
         outcome: Outcome {
@@ -94,7 +93,8 @@ pub fn of(
     threads: usize,
 ) -> Summary {
     let feeds: Vec<FeedSummary> = result.feeds.iter().map(feed).collect();
-    warnings.extend(feeds.iter().filter_map(|feed| Some(format!("feed '{}': {}", feed.name, feed.shortfall.as_ref()?))));
+    warnings
+        .extend(feeds.iter().filter_map(|feed| Some(format!("feed '{}': {}", feed.name, feed.shortfall.as_ref()?))));
     let interrupted = result.end == EndReason::Interrupted;
     let mut summary = Summary {
         scene: provenance(request, scene),
@@ -192,7 +192,7 @@ fn removals(result: &StageResult) -> Vec<RemovalSummary> {
 }
 
 fn events(scene: &Scene, result: &StageResult) -> Vec<EventSummary> {
-    let text = |event: &crate::dem::presence::PartEvent| {
+    let text = |event: &PartEvent| {
         let verb = if event.present { "appeared" } else { "disappeared" };
         format!("part '{}' {verb}", scene.parts[usize::from(event.part)].name)
     };

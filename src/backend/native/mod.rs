@@ -11,16 +11,17 @@ use super::BackendError;
 use crate::dem::feed::FeedReport;
 use crate::dem::inspect::Partner;
 use crate::dem::observer::StepObserver;
-use crate::dem::presence::PartEvent;
-use crate::dem::removal::Removal;
+pub use crate::dem::presence::PartEvent;
+pub use crate::dem::removal::{Removal, RemovalCause};
 use crate::dem::simulation::{Setup, Simulation};
+use crate::dem::watchdog::Stop;
 use crate::output::progress::{Progress, Status, Verbosity};
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
 use crate::scene::Scene;
 use checkpoint_file::CheckpointFile;
-use end::EndWatch;
 pub use end::EndReason;
+use end::EndWatch;
 pub use series::mass_column;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -81,11 +82,16 @@ pub struct StageResult {
     pub used: ProcessUse,
 }
 
-/// Computes a stage from its start or its checkpoint to its end.
+/// Computes a stage from its start or its checkpoint to its end. `observers` are called after every time step, in order.
 ///
 /// # Errors
 /// See [`BackendError`]. Whatever was written before the error stays readable.
-pub fn run(scene: &Scene, setup: Setup, request: &Request) -> Result<StageResult, BackendError> {
+pub fn run(
+    scene: &Scene,
+    setup: Setup,
+    request: &Request,
+    observers: &mut [&mut dyn StepObserver],
+) -> Result<StageResult, BackendError> {
     let started = Instant::now();
     let checkpoint = CheckpointFile::new(request.folder, request.key);
     let mut end = EndWatch::default();
@@ -110,7 +116,7 @@ pub fn run(scene: &Scene, setup: Setup, request: &Request) -> Result<StageResult
     }
     let first_step = simulation.steps_done();
     let mut progress = Progress::on_stderr(request.verbosity, simulation.time(), scene.end.time);
-    let outcome = driver.drive(&mut simulation, scene, request, &mut progress);
+    let outcome = driver.drive(&mut simulation, scene, request, observers, &mut progress);
     progress.finish(status(&simulation, first_step));
     driver.write_last(&simulation, scene)?;
     let end = outcome?;
@@ -164,6 +170,7 @@ impl Driver {
         simulation: &mut Simulation,
         scene: &Scene,
         request: &Request,
+        observers: &mut [&mut dyn StepObserver],
         progress: &mut Progress,
     ) -> Result<EndReason, BackendError> {
         let first_step = simulation.steps_done();
@@ -175,6 +182,9 @@ impl Driver {
                 return Ok(EndReason::Interrupted);
             }
             simulation.step()?;
+            for observer in observers.iter_mut() {
+                observer.observe(simulation)?;
+            }
             self.particle_steps += simulation.particle_count() as f64;
             progress.update(status(simulation, first_step));
             self.write_due(simulation, scene)?;
@@ -240,20 +250,8 @@ impl Driver {
     }
 }
 
-/// Runs a simulation to a plant time with observers, writing nothing: for measurements on single contacts.
-///
-/// # Errors
-/// When the watchdog or an observer stops it.
-pub fn run_observed(
-    simulation: &mut Simulation,
-    until: f64,
-    observers: &mut [&mut dyn StepObserver],
-) -> Result<(), BackendError> {
-    while simulation.time() < until {
-        simulation.step()?;
-        for observer in observers.iter_mut() {
-            observer.observe(simulation)?;
-        }
+impl From<Stop> for BackendError {
+    fn from(stop: Stop) -> Self {
+        Self::Unstable { what: stop.to_string(), time: stop.time }
     }
-    Ok(())
 }
