@@ -27,14 +27,6 @@ fn split_at_chunks<'a, T>(mut list: &'a mut [T], ranges: impl Iterator<Item = Ra
     pieces
 }
 
-/// Directions in which a body can move and turn.
-fn freedom(body: Body) -> (Vec3, Vec3) {
-    match body {
-        Body::Sphere => (Vec3::repeat(1.0), Vec3::repeat(1.0)),
-        Body::Disc { .. } => (Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 0.0)),
-    }
-}
-
 impl Simulation {
     /// Share of a dt that the contact laws' velocities are ahead of the last full step.
     fn velocity_lead(&self) -> f64 {
@@ -167,11 +159,13 @@ impl Simulation {
                     note.prescribed_work -= (load.force.dot(&linear) + load.torque.dot(&angular)) * dt;
                 }
                 note.speed_square_sum += linear.norm_squared() + angular.norm_squared();
+                note.place_sum += sphere.centre.iter().sum::<f64>();
             }
         });
         let total = notes.iter().map(|note| note.speed_square_sum).sum::<f64>();
         self.booked.prescribed_work += notes.iter().map(|note| note.prescribed_work).sum::<f64>();
-        self.watchdog.note_finite(total.is_finite());
+        let places = notes.iter().map(|note| note.place_sum).sum::<f64>();
+        self.watchdog.note_finite(total.is_finite() && places.is_finite());
         self.phases.integration += started.elapsed();
     }
 }
@@ -182,6 +176,8 @@ struct StepNote {
     prescribed_work: f64,
     /// Finite exactly while every velocity is.
     speed_square_sum: f64,
+    /// Finite exactly while every place is.
+    place_sum: f64,
 }
 
 fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
@@ -209,17 +205,16 @@ fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
 
 /// Acceleration of a particle under its load and gravity; a prescribed one follows its path.
 #[inline(always)]
-fn acceleration(load: &Load, velocity: &Velocity, radius: f64, gravity: &Vec3, body: Body) -> Acceleration {
-    let (linear_freedom, angular_freedom) = freedom(body);
+pub(super) fn acceleration(load: &Load, velocity: &Velocity, radius: f64, gravity: &Vec3, body: Body) -> Acceleration {
     match velocity.path {
         Path::Free => {
             let inverse_inertia = velocity.inverse_mass / (body.inertia_factor() * radius * radius);
             Acceleration {
-                linear: (load.force * velocity.inverse_mass + gravity).component_mul(&linear_freedom),
-                angular: (load.torque * inverse_inertia).component_mul(&angular_freedom),
+                linear: body.in_plane(&(load.force * velocity.inverse_mass + gravity)),
+                angular: body.about_plane(&(load.torque * inverse_inertia)),
             }
         }
         Path::Constant => Acceleration { linear: Vec3::zeros(), angular: Vec3::zeros() },
-        Path::Ballistic => Acceleration { linear: *gravity, angular: Vec3::zeros() },
+        Path::Ballistic => Acceleration { linear: body.in_plane(gravity), angular: Vec3::zeros() },
     }
 }
