@@ -34,6 +34,8 @@ pub struct Chunk {
     pub scratch: Scratch,
     /// What its contacts took in this time step.
     pub tally: Tally,
+    /// Force of the normal springs on each of its particles [N]; empty where losses are not accounted for.
+    pub springs: Vec<Vec3>,
     /// What its particles do to each part.
     pub part_loads: Vec<PartLoad>,
 }

@@ -78,6 +78,7 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
     first: usize,
     list: &mut InnerList,
     loads: &mut [Load],
+    springs: &mut [Vec3],
     tally: &mut Tally,
 ) {
     let remembers = FRICTION || ROLLING;
@@ -113,6 +114,13 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
             let result: Answer =
                 answer::<FRICTION, ROLLING, ENERGY>(settings, pair, &touch, scene.timestep, memory, tally, share);
             own.force += result.force;
+            if ENERGY {
+                let spring = touch.normal * result.normal.elastic;
+                springs[row] -= spring;
+                if BOTH {
+                    springs[partner - first] += spring;
+                }
+            }
             if FRICTION || ROLLING {
                 own.torque += result.twist * levers[0] + result.rolling;
             }

@@ -90,6 +90,7 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
     near: &WallCandidates,
     contacts: &mut Vec<WallContact>,
     loads: &mut [Load],
+    springs: &mut [Vec3],
     part_loads: &mut [PartLoad],
     tally: &mut Tally,
     scratch: &mut Scratch,
@@ -126,6 +127,9 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
             let load = &mut loads[index - first];
             load.force += result.force;
             load.torque += result.twist * lever + result.rolling;
+            if ENERGY {
+                springs[index - first] -= point.normal * result.normal.elastic;
+            }
             part_loads[usize::from(point.part)].add(&load_on_part(walls, point, &result));
             if point.overlap > scene.overlap_limit * sphere.radius {
                 let ratio = point.overlap / sphere.radius;
