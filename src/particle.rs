@@ -75,6 +75,30 @@ impl Body {
         }
     }
 
+    /// The part of a velocity or force [any unit] that this body can follow: discs stay in the plane y = 0.
+    #[must_use]
+    pub const fn in_plane(&self, vector: &Vec3) -> Vec3 {
+        match self {
+            Self::Sphere => *vector,
+            Self::Disc { .. } => {
+                let [[x, _, z]] = vector.data.0;
+                Vec3::new(x, 0.0, z)
+            }
+        }
+    }
+
+    /// The part of a spin or torque [any unit] that this body can follow: discs turn about y.
+    #[must_use]
+    pub const fn about_plane(&self, vector: &Vec3) -> Vec3 {
+        match self {
+            Self::Sphere => *vector,
+            Self::Disc { .. } => {
+                let [[_, y, _]] = vector.data.0;
+                Vec3::new(0.0, y, 0.0)
+            }
+        }
+    }
+
     /// Factor c of the moment of inertia I = c m r^2 [-].
     #[must_use]
     pub const fn inertia_factor(&self) -> f64 {

@@ -275,11 +275,16 @@ impl Simulation {
             *id = ParticleId::new(id.feed() + own, id.serial());
         }
         for index in 0..simulation.particles.len() {
-            let state = simulation.particles.state(index);
-            simulation.booked.inserted += simulation.mechanical_energy_of(&state);
+            if simulation.particles.velocities[index].path == Path::Free {
+                let state = simulation.particles.state(index);
+                simulation.booked.inserted += simulation.mechanical_energy_of(&state);
+            }
         }
         simulation.watchdog.expect_new_energy();
         simulation.rebuild_neighborhood();
+        if simulation.terms.energy {
+            simulation.booked.inserted += simulation.spring_energy(|_, _| true);
+        }
         Ok(simulation)
     }
 

@@ -107,7 +107,9 @@ impl Simulation {
                     for entry in list.row(row) {
                         let candidate = list.candidates[entry];
                         // A pair of two chunks stands in both: seen from its lower index.
-                        if !both && (candidate.partner as usize) < index {
+                        let other = candidate.partner as usize;
+                        let prescribed = |particle: usize| scene.velocities[particle].path != Path::Free;
+                        if (!both && other < index) || (prescribed(index) && prescribed(other)) {
                             continue;
                         }
                         if let Some(seen) = look(&scene, index, candidate, list.memory.get(entry)) {
@@ -181,6 +183,17 @@ impl Simulation {
         }
         self.for_each_contact(|_, _, _, seen| budget.elastic += seen.elastic_energy);
         budget
+    }
+
+    /// Energy [J] in the springs of the contacts that `concerned` picks.
+    pub(super) fn spring_energy(&self, concerned: impl Fn(ParticleId, Partner) -> bool) -> f64 {
+        let mut sum = 0.0;
+        self.for_each_contact(|index, partner, _, seen| {
+            if concerned(self.particles.ids[index], partner) {
+                sum += seen.elastic_energy;
+            }
+        });
+        sum
     }
 
     /// Energy of motion and height of a particle [J].

@@ -1,6 +1,8 @@
 //! Particles that leave the domain, or are taken out.
 
+use super::inspect::Partner;
 use super::removal::{Removal, RemovalCause};
+use super::particles::Path;
 use super::simulation::Simulation;
 use crate::particle::ParticleId;
 use std::collections::HashSet;
@@ -41,7 +43,10 @@ impl Simulation {
         let time = self.time();
         for &(index, cause) in leavers {
             let state = self.particles.state(index);
-            self.booked.removed += self.mechanical_energy_of(&state);
+            // A prescribed particle's own energy is outside of the budget.
+            if self.particles.velocities[index].path == Path::Free {
+                self.booked.removed += self.mechanical_energy_of(&state);
+            }
             self.removed.push(Removal {
                 id: state.id,
                 mass: self.particles.mass(index),
@@ -49,6 +54,11 @@ impl Simulation {
                 position: state.position.into(),
                 cause,
             });
+        }
+        if self.terms.energy {
+            let ids: HashSet<ParticleId> = leavers.iter().map(|(index, _)| self.particles.ids[*index]).collect();
+            let leaves = |partner| matches!(partner, Partner::Particle(other) if ids.contains(&other));
+            self.booked.removed += self.spring_energy(|id, partner| ids.contains(&id) || leaves(partner));
         }
         let gone: HashSet<usize> = leavers.iter().map(|(index, _)| *index).collect();
         self.retain(|index| !gone.contains(&index));

@@ -7,7 +7,7 @@ use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Images, InnerList, Memory};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::pair_contacts::ContactScene;
-use super::particles::{Particles, Sphere};
+use super::particles::{Particles, Path, Sphere};
 use super::simulation::Simulation;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
 use crate::math::{Bounds, Vec3};
@@ -34,6 +34,8 @@ pub struct Chunk {
     pub scratch: Scratch,
     /// What its contacts took in this time step.
     pub tally: Tally,
+    /// Force of the normal springs on each of its particles [N]; empty where losses are not accounted for.
+    pub springs: Vec<Vec3>,
     /// What its particles do to each part.
     pub part_loads: Vec<PartLoad>,
 }
@@ -195,6 +197,13 @@ impl Neighborhood {
         HeldMemory::gather(count, self.chunks.iter().map(|chunk| (&chunk.range, &chunk.own, &chunk.cross)))
     }
 
+    /// Drops the contacts with parts that `gone` picks, with their memory.
+    pub(super) fn forget_wall_contacts(&mut self, gone: impl Fn(&WallContact) -> bool) {
+        for chunk in &mut self.chunks {
+            chunk.wall_contacts.retain(|contact| !gone(contact));
+        }
+    }
+
     /// What the lists are made with.
     #[must_use]
     pub const fn settings(&self) -> ListSettings {
@@ -320,13 +329,19 @@ impl Simulation {
         if periodic == [false; 3] {
             return;
         }
-        for sphere in &mut self.particles.spheres {
+        let mut lifted = 0.0;
+        for (sphere, velocity) in self.particles.spheres.iter_mut().zip(&self.particles.velocities) {
             for axis in (0..3).filter(|&axis| periodic[axis]) {
                 let length = domain.maximum[axis] - domain.minimum[axis];
                 let turns = ((sphere.centre[axis] - domain.minimum[axis]) / length).floor();
                 sphere.centre[axis] -= turns * length;
+                if velocity.path == Path::Free {
+                    lifted += turns * length * self.setup.gravity[axis] / velocity.inverse_mass;
+                }
             }
         }
+        // Where gravity has a component along a periodic axis, a particle that runs down comes back at the top.
+        self.booked.inserted += lifted;
     }
 
     /// All contacts with parts, renumbered: `old_index[new] = old`. Sorted by the new numbers.

@@ -2,7 +2,8 @@
 
 use super::contact::{Answer, Touch, answer, elastic_energy, present_memory};
 use super::energy::{DeepContact, Tally};
-use super::law::LawSettings;
+use super::law::tangential::tangential_energy;
+use super::law::{LawSettings, NormalMotion};
 use super::law::constants::{LawTable, PairConstants};
 use super::neighbor::list::{Candidate, Images, InnerList, Memory, NO_IMAGE};
 use super::particles::{Load, Path, Sphere, Velocity};
@@ -77,6 +78,7 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
     first: usize,
     list: &mut InnerList,
     loads: &mut [Load],
+    springs: &mut [Vec3],
     tally: &mut Tally,
 ) {
     let remembers = FRICTION || ROLLING;
@@ -95,6 +97,9 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
             };
             let (a, b) = (&scene.velocities[index], &scene.velocities[partner]);
             if a.path != Path::Free && b.path != Path::Free {
+                if remembers {
+                    list.memory[entry] = Memory::NONE;
+                }
                 continue;
             }
             if scene.is_deep(index, partner, touch.overlap) {
@@ -109,6 +114,13 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
             let result: Answer =
                 answer::<FRICTION, ROLLING, ENERGY>(settings, pair, &touch, scene.timestep, memory, tally, share);
             own.force += result.force;
+            if ENERGY {
+                let spring = touch.normal * result.normal.elastic;
+                springs[row] -= spring;
+                if BOTH {
+                    springs[partner - first] += spring;
+                }
+            }
             if FRICTION || ROLLING {
                 own.torque += result.twist * levers[0] + result.rolling;
             }
@@ -139,12 +151,24 @@ fn forget<const ENERGY: bool>(
         return;
     }
     if ENERGY && scene.law.is_linear() {
-        let pair = scene.law.pair(scene.velocities[index].material, scene.velocities[partner].material);
-        if let Some(direct) = pair.direct {
-            tally.slip += share * 0.5 * direct.tangential_stiffness * memory.tangential.norm_squared();
-        }
+        let (a, b) = (&scene.velocities[index], &scene.velocities[partner]);
+        let radii = (scene.spheres[index].radius, scene.spheres[partner].radius);
+        let motion = NormalMotion {
+            overlap: 0.0,
+            closing_speed: 0.0,
+            effective_radius: radii.0 * radii.1 / (radii.0 + radii.1),
+            effective_mass: 1.0 / (a.inverse_mass + b.inverse_mass),
+        };
+        tally.slip += share * left_in_spring(scene.law, scene.law.pair(a.material, b.material), &motion, memory);
     }
     *memory = Memory::NONE;
+}
+
+/// Energy [J] that the tangential spring of a linear contact still holds as it ends.
+#[must_use]
+pub fn left_in_spring(law: &LawTable, pair: &PairConstants, motion: &NormalMotion, memory: &Memory) -> f64 {
+    let stiffness = law.settings.normal_force(pair, motion).tangential_stiffness;
+    tangential_energy(&law.settings, stiffness, &memory.tangential)
 }
 
 /// A contact as an observer sees it, at the present full step.

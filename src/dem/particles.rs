@@ -117,13 +117,13 @@ impl Particles {
         self.ids.is_empty()
     }
 
-    /// Adds a free particle.
+    /// Adds a free particle. Of a disc, what lies outside of its plane is left out.
     pub fn push(&mut self, state: &ParticleState, body: Body) {
-        self.spheres.push(Sphere { centre: state.position.into(), radius: state.radius });
+        self.spheres.push(Sphere { centre: body.in_plane(&state.position).into(), radius: state.radius });
         self.velocities.push(Velocity {
-            linear: state.velocity.into(),
+            linear: body.in_plane(&state.velocity).into(),
             inverse_mass: 1.0 / body.mass(state.radius, state.density),
-            angular: state.spin.into(),
+            angular: body.about_plane(&state.spin).into(),
             material: u32::from(state.material),
             path: Path::Free,
         });

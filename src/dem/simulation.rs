@@ -3,6 +3,7 @@
 use super::energy::EnergyBudget;
 use super::feed::Feed;
 use super::feed::runner::FeedRunner;
+use super::inspect::Partner;
 use super::law::constants::LawTable;
 use super::law::{LawSettings, RollingLaw};
 use super::neighborhood::{ListSettings, Neighborhood};
@@ -16,7 +17,8 @@ use super::watchdog::{Stop, Watchdog};
 use crate::geometry::part::Part;
 use crate::material::MaterialTable;
 use crate::math::{Bounds, Vec3};
-use crate::particle::{Body, ParticleClass, ParticleState};
+use crate::particle::{Body, ParticleClass, ParticleId, ParticleState};
+use std::collections::HashSet;
 
 /// Everything a simulation is made from; SI units.
 #[derive(Debug, Clone)]
@@ -176,14 +178,19 @@ impl Simulation {
             return;
         }
         for state in states {
-            self.booked.inserted += self.mechanical_energy_of(state);
             self.particles.push(state, self.setup.body);
             let last = self.particles.len() - 1;
+            self.booked.inserted += self.mechanical_energy_of(&self.particles.state(last));
             // A newcomer falls freely until its first contact; loads at time 0 are computed before the first step.
-            self.particles.accelerations[last].linear = self.setup.gravity;
+            self.particles.accelerations[last].linear = self.setup.body.in_plane(&self.setup.gravity);
         }
         self.watchdog.expect_new_energy();
         self.rebuild_neighborhood();
+        if self.terms.energy {
+            let new: HashSet<ParticleId> = states.iter().map(|state| state.id).collect();
+            let is_new = |partner| matches!(partner, Partner::Particle(other) if new.contains(&other));
+            self.booked.inserted += self.spring_energy(|id, partner| new.contains(&id) || is_new(partner));
+        }
     }
 
     fn feed_due_particles(&mut self) {
@@ -209,10 +216,27 @@ impl Simulation {
         let speed = || particles.rms_speed();
         let changed = self.presence.update(time, steps, self.setup.timestep, fed, particles.is_empty(), speed);
         if !changed.is_empty() {
+            let changes = |partner, present| {
+                let is = |event: &PartEvent| {
+                    event.present == present && matches!(partner, Partner::Part { part, .. } if part == event.part)
+                };
+                changed.iter().any(is)
+            };
+            // A part that ceases to exist takes the springs of its contacts with it; one that comes into being loads new ones.
+            if self.terms.energy {
+                self.booked.removed += self.spring_energy(|_, partner| changes(partner, false));
+            }
             for event in &changed {
                 self.walls.set_present(event.part, event.present);
+                self.neighborhood.forget_wall_contacts(|contact| contact.part == event.part);
             }
             self.collect_wall_candidates();
+            if changed.iter().any(|event| event.present) {
+                self.watchdog.expect_new_energy();
+                if self.terms.energy {
+                    self.booked.inserted += self.spring_energy(|_, partner| changes(partner, true));
+                }
+            }
         }
     }
 

@@ -27,14 +27,6 @@ fn split_at_chunks<T>(mut list: &mut [T], ranges: impl Iterator<Item = Range<usi
     pieces
 }
 
-/// Directions in which a body can move and turn.
-fn freedom(body: Body) -> (Vec3, Vec3) {
-    match body {
-        Body::Sphere => (Vec3::repeat(1.0), Vec3::repeat(1.0)),
-        Body::Disc { .. } => (Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 0.0)),
-    }
-}
-
 impl Simulation {
     /// Share of a dt that the contact laws' velocities are ahead of the last full step.
     fn velocity_lead(&self) -> f64 {
@@ -152,13 +144,20 @@ impl Simulation {
         let (loads, spheres) = (&self.particles.loads, &self.particles.spheres);
         let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
         let accelerations = split_at_chunks(&mut self.particles.accelerations, ranges.iter().cloned());
-        let work = ranges.iter().zip(velocities).zip(accelerations).zip(&mut notes).collect();
-        self.threads.for_each(work, |(((range, velocities), accelerations), note)| {
+        let work = self.neighborhood.chunks.iter().zip(velocities).zip(accelerations).zip(&mut notes).collect();
+        self.threads.for_each(work, |(((chunk, velocities), accelerations), note)| {
+            let range = &chunk.range;
+            let mut springs = chunk.springs.iter();
             let own = loads[range.clone()].iter().zip(&spheres[range.clone()]);
             for ((velocity, old), (load, sphere)) in velocities.iter_mut().zip(accelerations).zip(own) {
                 let new = acceleration(load, velocity, sphere.radius, &gravity, body);
                 let linear = Vec3::from(velocity.linear) + (new.linear * 0.5 + old.linear * (0.5 - lead)) * dt;
                 let angular = Vec3::from(velocity.angular) + (new.angular * 0.5 + old.angular * (0.5 - lead)) * dt;
+                if let Some(spring) = springs.next() {
+                    // The laws booked what they took at the velocities they saw; it was done at these.
+                    let late = (linear - Vec3::from(velocity.linear), angular - Vec3::from(velocity.angular));
+                    note.late_work += ((load.force - spring).dot(&late.0) + load.torque.dot(&late.1)) * dt;
+                }
                 velocity.linear = linear.into();
                 velocity.angular = angular.into();
                 *old = new;
@@ -167,11 +166,14 @@ impl Simulation {
                     note.prescribed_work -= (load.force.dot(&linear) + load.torque.dot(&angular)) * dt;
                 }
                 note.speed_square_sum += linear.norm_squared() + angular.norm_squared();
+                note.place_sum += sphere.centre.iter().sum::<f64>();
             }
         });
         let total = notes.iter().map(|note| note.speed_square_sum).sum::<f64>();
         self.booked.prescribed_work += notes.iter().map(|note| note.prescribed_work).sum::<f64>();
-        self.watchdog.note_finite(total.is_finite());
+        self.booked.dashpot -= notes.iter().map(|note| note.late_work).sum::<f64>();
+        let places = notes.iter().map(|note| note.place_sum).sum::<f64>();
+        self.watchdog.note_finite(total.is_finite() && places.is_finite());
         self.phases.integration += started.elapsed();
     }
 }
@@ -179,9 +181,13 @@ impl Simulation {
 /// What a chunk's particles did in a time step.
 #[derive(Debug, Clone, Copy, Default)]
 struct StepNote {
+    /// Work that contacts did, springs in normal direction apart, beyond what the laws have booked [J].
+    late_work: f64,
     prescribed_work: f64,
     /// Finite exactly while every velocity is.
     speed_square_sum: f64,
+    /// Finite exactly while every place is.
+    place_sum: f64,
 }
 
 fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
@@ -192,8 +198,13 @@ fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
 ) {
     let first = chunk.range.start;
     let tally = &mut chunk.tally;
-    add_pair_loads::<true, FRICTION, ROLLING, ENERGY>(scene, first, &mut chunk.own, loads, tally);
-    add_pair_loads::<false, FRICTION, ROLLING, ENERGY>(scene, first, &mut chunk.cross, loads, tally);
+    let springs = &mut chunk.springs;
+    if ENERGY {
+        springs.clear();
+        springs.resize(loads.len(), Vec3::zeros());
+    }
+    add_pair_loads::<true, FRICTION, ROLLING, ENERGY>(scene, first, &mut chunk.own, loads, springs, tally);
+    add_pair_loads::<false, FRICTION, ROLLING, ENERGY>(scene, first, &mut chunk.cross, loads, springs, tally);
     add_wall_loads::<FRICTION, ROLLING, ENERGY>(
         scene,
         walls,
@@ -201,6 +212,7 @@ fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
         &chunk.near_walls,
         &mut chunk.wall_contacts,
         loads,
+        springs,
         &mut chunk.part_loads,
         tally,
         &mut chunk.scratch,
@@ -209,17 +221,16 @@ fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
 
 /// Acceleration of a particle under its load and gravity; a prescribed one follows its path.
 #[inline(always)]
-fn acceleration(load: &Load, velocity: &Velocity, radius: f64, gravity: &Vec3, body: Body) -> Acceleration {
-    let (linear_freedom, angular_freedom) = freedom(body);
+pub(super) fn acceleration(load: &Load, velocity: &Velocity, radius: f64, gravity: &Vec3, body: Body) -> Acceleration {
     match velocity.path {
         Path::Free => {
             let inverse_inertia = velocity.inverse_mass / (body.inertia_factor() * radius * radius);
             Acceleration {
-                linear: (load.force * velocity.inverse_mass + gravity).component_mul(&linear_freedom),
-                angular: (load.torque * inverse_inertia).component_mul(&angular_freedom),
+                linear: body.in_plane(&(load.force * velocity.inverse_mass + gravity)),
+                angular: body.about_plane(&(load.torque * inverse_inertia)),
             }
         }
         Path::Constant => Acceleration { linear: Vec3::zeros(), angular: Vec3::zeros() },
-        Path::Ballistic => Acceleration { linear: *gravity, angular: Vec3::zeros() },
+        Path::Ballistic => Acceleration { linear: body.in_plane(gravity), angular: Vec3::zeros() },
     }
 }

@@ -2,10 +2,10 @@
 
 use super::contact::{Answer, Touch, answer};
 use super::energy::{DeepContact, Tally};
-use super::law::Compatibility;
+use super::law::{Compatibility, NormalMotion};
 use super::neighbor::list::Memory;
 use super::pair_contacts;
-use super::pair_contacts::{ContactScene, SeenContact};
+use super::pair_contacts::{ContactScene, SeenContact, left_in_spring};
 use super::particles::{Load, Path};
 use super::wall::{Candidate, WallPoint, Walls};
 use crate::math::Vec3;
@@ -90,12 +90,15 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
     near: &WallCandidates,
     contacts: &mut Vec<WallContact>,
     loads: &mut [Load],
+    springs: &mut [Vec3],
     part_loads: &mut [PartLoad],
     tally: &mut Tally,
     scratch: &mut Scratch,
 ) {
     let mut held = 0;
     scratch.next.clear();
+    scratch.taken.clear();
+    scratch.taken.resize(contacts.len(), false);
     for &(particle, from, to) in &near.rows {
         let index = particle as usize;
         let sphere = &scene.spheres[index];
@@ -113,10 +116,8 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
         }
         let end = contacts[held..].iter().position(|c| c.particle != particle).map_or(contacts.len(), |n| held + n);
         let old = &contacts[held..end];
-        scratch.taken.clear();
-        scratch.taken.resize(old.len(), false);
         for point in &scratch.points {
-            let mut memory = recall(old, &mut scratch.taken, point);
+            let mut memory = recall(old, &mut scratch.taken[held..end], point);
             let touch = touch_part(scene, walls, index, point);
             let pair = scene.law.pair(scene.velocities[index].material, u32::from(walls.material(point.part)));
             let lever = wall_lever(scene, sphere.radius, point.overlap);
@@ -126,6 +127,9 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
             let load = &mut loads[index - first];
             load.force += result.force;
             load.torque += result.twist * lever + result.rolling;
+            if ENERGY {
+                springs[index - first] -= point.normal * result.normal.elastic;
+            }
             part_loads[usize::from(point.part)].add(&load_on_part(walls, point, &result));
             if point.overlap > scene.overlap_limit * sphere.radius {
                 let ratio = point.overlap / sphere.radius;
@@ -140,7 +144,24 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
             });
         }
     }
+    if ENERGY && scene.law.is_linear() {
+        let ended = contacts.iter().zip(&scratch.taken).filter(|(_, taken)| !**taken);
+        tally.slip += ended.map(|(contact, _)| left_at_wall(scene, walls, contact)).sum::<f64>();
+    }
     std::mem::swap(contacts, &mut scratch.next);
+}
+
+/// Energy [J] that the tangential spring of a contact still holds as it ends: lost in sliding.
+fn left_at_wall(scene: &ContactScene, walls: &Walls, contact: &WallContact) -> f64 {
+    let (sphere, velocity) = (&scene.spheres[contact.particle as usize], &scene.velocities[contact.particle as usize]);
+    let motion = NormalMotion {
+        overlap: 0.0,
+        closing_speed: 0.0,
+        effective_radius: sphere.radius,
+        effective_mass: 1.0 / velocity.inverse_mass,
+    };
+    let pair = scene.law.pair(velocity.material, u32::from(walls.material(contact.part)));
+    left_in_spring(scene.law, pair, &motion, &contact.memory)
 }
 
 /// Memory of the contact that `point` continues: same triangle, else the one of the same part whose normal is closest.

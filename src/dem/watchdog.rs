@@ -166,20 +166,20 @@ impl Simulation {
 
     fn stop_not_a_number(&self) -> Stop {
         let bad = (0..self.particles.len()).find(|&index| {
-            let velocity = &self.particles.velocities[index];
-            !velocity.linear.iter().chain(&velocity.angular).all(|x| x.is_finite())
+            let (velocity, centre) = (&self.particles.velocities[index], &self.particles.spheres[index].centre);
+            !velocity.linear.iter().chain(&velocity.angular).chain(centre).all(|x| x.is_finite())
         });
         let state = bad.map(|index| self.particles.state(index));
         let what = match state {
             Some(state) => format!(
-                "particle {} of feed {} has a velocity that is not a number, at ({:.4}, {:.4}, {:.4}) m",
+                "particle {} of feed {} has a place or velocity that is not a number, at ({:.4}, {:.4}, {:.4}) m",
                 state.id.serial(),
                 state.id.feed(),
                 state.position.x,
                 state.position.y,
                 state.position.z
             ),
-            None => "the velocities are too large for a number".to_owned(),
+            None => "the places or velocities are too large for a number".to_owned(),
         };
         self.stop(
             StopCause::NotANumber,

@@ -90,6 +90,8 @@ impl Frustum {
         Foot {
             offset: self.axis * offset_along + meridian.outward * offset_out,
             squared_distance: offset_along * offset_along + offset_out * offset_out,
+            // one smooth element: no face beside it competes with its rims
+            on_face: true,
         }
     }
 

@@ -23,11 +23,13 @@ pub struct Foot {
     pub offset: Vec3,
     /// Its squared length [m^2].
     pub squared_distance: f64,
+    /// True where it is reached along the surface's normal; false on an edge or at a corner.
+    pub on_face: bool,
 }
 
 impl Foot {
-    fn new(offset: Vec3) -> Self {
-        Self { offset, squared_distance: offset.norm_squared() }
+    fn on_edge(offset: Vec3) -> Self {
+        Self { offset, squared_distance: offset.norm_squared(), on_face: false }
     }
 }
 
@@ -99,7 +101,7 @@ impl Triangle {
         }
         nearest.unwrap_or_else(|| {
             let height = self.normal.dot(&a);
-            Foot { offset: self.normal * height, squared_distance: height * height }
+            Foot { offset: self.normal * height, squared_distance: height * height, on_face: true }
         })
     }
 }
@@ -127,11 +129,11 @@ fn closest_on_segment(from: &Vec3, to: &Vec3) -> Foot {
     let along = -from.dot(&edge);
     // the corner itself, not from + 1 * edge: neighbours at a vertex then agree to the last bit
     if along <= 0.0 || squared_length == 0.0 {
-        Foot::new(*from)
+        Foot::on_edge(*from)
     } else if along >= squared_length {
-        Foot::new(*to)
+        Foot::on_edge(*to)
     } else {
-        Foot::new(from + edge * (along / squared_length))
+        Foot::on_edge(from + edge * (along / squared_length))
     }
 }
 

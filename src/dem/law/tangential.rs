@@ -74,8 +74,15 @@ pub fn tangential_force<const ENERGY: bool>(
         result.slip = spring.dot(&slip) + 0.5 * stiffness * slip.dot(&(slip - slip_velocity * timestep));
         result.dashpot =
             if ours || ratio == 1.0 { ratio * damping * slip_velocity.norm_squared() * timestep } else { 0.0 };
-        let energy = 0.5 * spring.dot(&kept) * compliance;
-        result.residual = energy * normal.stiffness_growth * timestep * if total { 1.0 } else { -1.0 };
+        // What the spring held as the step began changed its energy with the stiffness: k_t before over k_t now.
+        let before = (1.0 - 2.0 * normal.stiffness_growth * timestep).max(0.0).sqrt();
+        let energy = 0.5 * spring_factor * compliance * memory.norm_squared();
+        result.residual = match (total, before > 0.0) {
+            (true, _) => energy * (1.0 - before),
+            (false, true) => energy * (1.0 - 1.0 / before),
+            // A spring that was there without stiffness held nothing.
+            (false, false) => 0.0,
+        };
     }
     result
 }

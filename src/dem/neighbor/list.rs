@@ -27,12 +27,11 @@ impl Images {
     #[must_use]
     pub fn new(size: &Vec3) -> Self {
         let offset = |index: usize| {
-            let part = |k: usize| (k % 3) as f64 - 1.0;
-            Vec3::new(part(index) * size.x, part(index / 3) * size.y, part(index / 9) * size.z)
+            // An axis that is not periodic may be infinite: no shift along it must stay exactly zero.
+            let part = |k: usize, length: f64| [-length, 0.0, length][k % 3];
+            Vec3::new(part(index, size.x), part(index / 3, size.y), part(index / 9, size.z))
         };
-        // A domain without periodic axes has infinite or unused sizes there: the middle image must stay exactly zero.
-        let offsets = std::array::from_fn(|index| if index == 13 { Vec3::zeros() } else { offset(index) });
-        Self { offsets }
+        Self { offsets: std::array::from_fn(offset) }
     }
 
     /// Index of the image shifted by so many domain lengths per axis.

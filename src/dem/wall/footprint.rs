@@ -33,22 +33,37 @@ use super::WallPoint;
 /// than the first plane allows: neither can be felt.
 const ROUND_OFF: f64 = 1e-9;
 
+/// Overlaps that differ by less count as equal, as a share of r: the round-off of a plant of a million radii, as above.
+///
+/// A foot on an edge at the distance e beside a face's is shallower by e^2 / 2r only: for e below 1e-8 r the two cannot be told
+/// apart by depth, yet their normals differ by e / r. The face's is the surface's own, so it goes first.
+const SAME_DEPTH: f64 = 1e-9;
+
 /// Of the points from `start` on, all of one part and one sphere of radius `radius` [m], keeps those that are contacts of
-/// their own, deepest first, equally deep ones by element.
+/// their own, deepest first; of equally deep ones those on a face, then by element.
 pub(super) fn keep_separate(points: &mut Vec<WallPoint>, start: usize, radius: f64) {
-    if points.len() <= start + 1 {
-        return;
-    }
-    points[start..].sort_unstable_by(|a, b| b.overlap.total_cmp(&a.overlap).then(a.element.cmp(&b.element)));
-    let mut kept = start + 1;
-    for next in start + 1..points.len() {
-        let covered = points[start..kept].iter().any(|accepted| covers(accepted, &points[next], radius));
-        if !covered {
-            points.swap(kept, next);
-            kept += 1;
+    let mut kept = start;
+    while points.len() > kept + 1 {
+        let deepest = points[kept..].iter().fold(0.0_f64, |most, point| most.max(point.overlap));
+        let equal = |point: &WallPoint| point.overlap >= deepest - SAME_DEPTH * radius;
+        let better = |a: &WallPoint, b: &WallPoint| {
+            let depth = a.overlap.total_cmp(&b.overlap);
+            a.on_face.cmp(&b.on_face).then(depth).then(b.element.cmp(&a.element))
+        };
+        let rivals = (kept..points.len()).filter(|&index| equal(&points[index]));
+        let Some(best) = rivals.max_by(|&a, &b| better(&points[a], &points[b])) else { return };
+        points.swap(kept, best);
+        let accepted = points[kept];
+        kept += 1;
+        let mut next = kept;
+        for index in kept..points.len() {
+            if !covers(&accepted, &points[index], radius) {
+                points.swap(next, index);
+                next += 1;
+            }
         }
+        points.truncate(next);
     }
-    points.truncate(kept);
 }
 
 /// True where `other` lies in the footprint of `accepted`.

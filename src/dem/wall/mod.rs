@@ -45,6 +45,8 @@ pub struct WallPoint {
     /// Radius less distance of the centre from the surface [m], positive. It exceeds the radius for a centre behind a
     /// plane, and only there.
     pub overlap: f64,
+    /// True where the element is touched inside, along its normal; false on its edge or corner.
+    pub on_face: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -308,7 +310,14 @@ impl Shape {
         let distance = foot.squared_distance.sqrt();
         let overlap = radius - distance;
         let normal = if distance > IN_SURFACE * radius { foot.offset / distance } else { fallback.normal(centre) };
-        (overlap > 0.0).then(|| WallPoint { part: 0, element, point: centre + foot.offset, normal, overlap })
+        (overlap > 0.0).then(|| WallPoint {
+            part: 0,
+            element,
+            point: centre + foot.offset,
+            normal,
+            overlap,
+            on_face: foot.on_face,
+        })
     }
 }
 
@@ -316,7 +325,14 @@ impl Shape {
 fn touch_plane(point: &Vec3, normal: &Vec3, centre: &Vec3, radius: f64) -> Option<WallPoint> {
     let height = normal.dot(&(centre - point));
     let overlap = radius - height;
-    let touch = || WallPoint { part: 0, element: 0, point: centre - normal * height, normal: -normal, overlap };
+    let touch = || WallPoint {
+        part: 0,
+        element: 0,
+        point: centre - normal * height,
+        normal: -normal,
+        overlap,
+        on_face: true,
+    };
     (overlap > 0.0).then(touch)
 }
 

@@ -1,0 +1,11 @@
+//! What the native solver must keep whatever it is used for: invariance under meshing and threads, conservation, borders, lists,
+//! prescribed particles, the watchdog. One target, so that it is linked once.
+
+mod common;
+mod determinism;
+mod domain;
+mod energy;
+mod lists;
+mod prescribed;
+mod watchdog;
+mod walls;
