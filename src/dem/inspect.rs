@@ -145,7 +145,7 @@ impl Simulation {
                 force: seen.answer.force * sign,
             });
         });
-        records.sort_by(|a, b| (a.i, a.j).cmp(&(b.i, b.j)));
+        records.sort_by_key(|record| (record.i, record.j));
         records
     }
 

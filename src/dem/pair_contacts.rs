@@ -2,9 +2,9 @@
 
 use super::contact::{Answer, Touch, answer, elastic_energy, present_memory};
 use super::energy::{DeepContact, Tally};
+use super::law::constants::{LawTable, PairConstants};
 use super::law::tangential::tangential_energy;
 use super::law::{Compatibility, LawSettings, NormalMotion};
-use super::law::constants::{LawTable, PairConstants};
 use super::neighbor::list::{Candidate, Images, InnerList, Memory, NO_IMAGE};
 use super::particles::{Acceleration, Load, Path, Sphere, Velocity};
 use crate::math::Vec3;

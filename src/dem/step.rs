@@ -17,7 +17,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 /// Splits a list at the chunks' borders.
-fn split_at_chunks<'a, T>(mut list: &'a mut [T], ranges: impl Iterator<Item = Range<usize>>) -> Vec<&'a mut [T]> {
+fn split_at_chunks<T>(mut list: &mut [T], ranges: impl Iterator<Item = Range<usize>>) -> Vec<&mut [T]> {
     let mut pieces = Vec::new();
     for range in ranges {
         let (piece, rest) = list.split_at_mut(range.len());
