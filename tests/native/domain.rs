@@ -17,13 +17,13 @@ fn leavers_are_counted_by_the_border_they_cross() {
     let directions = [Vec3::x(), Vec3::y(), Vec3::z()];
     let mut states = Vec::new();
     let mut expected = BTreeMap::new();
-    for axis in 0..3 {
+    for (axis, direction) in directions.into_iter().enumerate() {
         for upper in [false, true] {
             // 1, 2, ... 6 particles through the six borders, one behind the other
             let count = 2 * axis as u64 + u64::from(upper) + 1;
             expected.insert(RemovalCause::border(axis, upper), count);
             for number in 0..count {
-                let way = directions[axis] * if upper { 1.0 } else { -1.0 };
+                let way = direction * if upper { 1.0 } else { -1.0 };
                 let place = way * (0.02 + 0.011 * number as f64);
                 states.push(grain(states.len() as u64, RADIUS, place, way));
             }

@@ -48,7 +48,6 @@ fn wander(simulation: &mut Simulation, time: f64) -> (f64, EnergyBudget) {
     }
     let end = simulation.energy();
     let share = worst / end.dissipated();
-    println!("{} left of {}: wander {share:.2e} of {end:?}", simulation.removed().len(), simulation.particle_count());
     (share, end)
 }
 
