@@ -118,7 +118,10 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
         let old = &contacts[held..end];
         for point in &scratch.points {
             let mut memory = recall(old, &mut scratch.taken[held..end], point);
-            let touch = touch_part(scene, walls, index, point);
+            let mut touch = touch_part(scene, walls, index, point);
+            if ENERGY {
+                touch.closing_lag = scene.closing_lag(&scene.accelerations[index].linear, &touch.normal);
+            }
             let pair = scene.law.pair(scene.velocities[index].material, u32::from(walls.material(point.part)));
             let lever = wall_lever(scene, sphere.radius, point.overlap);
             let settings = &scene.law.settings;
@@ -203,6 +206,7 @@ fn touch_part(scene: &ContactScene, walls: &Walls, index: usize, point: &WallPoi
         effective_radius: sphere.radius,
         effective_mass: 1.0 / velocity.inverse_mass,
         inverse_inertia: velocity.inverse_mass / (scene.inertia_factor * sphere.radius * sphere.radius),
+        closing_lag: 0.0,
     }
 }
 

@@ -31,6 +31,7 @@ pub fn normal_force(pair: &PairConstants, motion: &NormalMotion) -> NormalForce 
         elastic_energy: 0.4 * elastic * motion.overlap,
         // k_t grows with the root of the overlap: d(ln k_t)/dt = 1/2 d(ln delta)/dt.
         stiffness_growth: 0.5 * motion.closing_speed / motion.overlap,
+        growth_by_overlap: 0.5 / motion.overlap,
     }
 }
 

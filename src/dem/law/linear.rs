@@ -28,6 +28,7 @@ pub fn normal_force(settings: &LawSettings, pair: &PairConstants, motion: &Norma
         tangential_damping,
         elastic_energy: 0.5 * elastic * motion.overlap,
         stiffness_growth: 0.0,
+        growth_by_overlap: 0.0,
     }
 }
 
