@@ -97,17 +97,8 @@ fn busy() -> Setup {
             },
         },
     ];
-    let mut gate = part(
-        "gate",
-        Surface::Frustum {
-            start: vec3(0.0, 0.0, 0.07),
-            end: vec3(0.0, 0.0, 0.07) + vec3(0.0, 0.0, 1e-9),
-            start_radius: 0.08,
-            end_radius: 0.0,
-        },
-        Vec::new(),
-    );
-    gate.surface = Surface::Mesh(sheet(vec3(-0.1, -0.1, 0.072), vec3(0.2, 0.0, 0.0), vec3(0.0, 0.2, 0.0), 9, 9));
+    let sheet = sheet(vec3(-0.1, -0.1, 0.072), vec3(0.2, 0.0, 0.0), vec3(0.0, 0.2, 0.0), 9, 9);
+    let mut gate = part("gate", Surface::Mesh(sheet), Vec::new());
     // rest as nobody would call it, so that it comes soon
     gate.disappears = Trigger::AtRest(AtRest { speed: 1.5, hold: 0.004, not_before: 0.0 });
     setup.parts.push(gate);
