@@ -175,7 +175,7 @@ fn recall(old: &[WallContact], taken: &mut [bool], point: &WallPoint) -> Memory 
         (0..old.len())
             .filter(|n| free(n, taken))
             .map(|n| (n, old[n].normal.dot(&point.normal)))
-            // Sliding over an edge turns the normal by less than a right angle a step; a new wall of a corner does not.
+            // Sliding over an edge turns the normal by less than 60 degrees a step; a new wall of a corner does not.
             .filter(|(_, cosine)| *cosine > 0.5)
             .max_by(|a, b| a.1.total_cmp(&b.1))
             .map(|(n, _)| n)

@@ -81,7 +81,7 @@ fn energy_from_nothing_is_stopped() {
         let simulation = gas(1.0, LINEAR, 0.0, 1.0, 1.0);
         let mass: f64 = 1.0 / (2.0 / (DENSITY * 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3)));
         let modulus = YOUNGS_MODULUS / (2.0 * (1.0 - POISSONS_RATIO.powi(2)));
-        let stiffness = tollgate::dem::law::linear::stiffness_from_modulus(modulus, 0.5 * RADIUS, mass, 1.0);
+        let stiffness = tollgate::dem::timescale::linear_stiffness(mass, 0.5 * RADIUS, modulus, 1.0);
         drop(simulation);
         (stiffness / mass).sqrt()
     };

@@ -99,8 +99,8 @@ fn length_restored(before: &Vec3, after: &Vec3) -> f64 {
     if square > 0.0 { 1.0 + 0.5 * (before.norm_squared() - square).min(square) / square } else { 1.0 }
 }
 
-/// Elastic energy of the tangential spring [J], given what [`tangential_force`] keeps (half a step ahead; the difference is of
-/// the order of the time step and vanishes at rest).
+/// Elastic energy of a tangential spring [J]: at the full step where `history` comes from
+/// [`crate::dem::contact::present_memory`]; what [`tangential_force`] keeps runs half a time step ahead.
 #[inline(always)]
 #[must_use]
 pub fn tangential_energy(settings: &LawSettings, stiffness: f64, history: &Vec3) -> f64 {
