@@ -6,7 +6,7 @@ use super::law::{Compatibility, NormalMotion};
 use super::neighbor::list::Memory;
 use super::pair_contacts;
 use super::pair_contacts::{ContactScene, SeenContact, left_in_spring};
-use super::particles::{Load, Path};
+use super::particles::{Load, Path, Sphere};
 use super::wall::{Candidate, WallPoint, Walls};
 use crate::math::Vec3;
 
@@ -41,12 +41,11 @@ pub struct WallCandidates {
 impl WallCandidates {
     /// Collects every element within `skin` [m] of the surface of the particles in `range`.
     #[must_use]
-    pub fn collect(scene: &ContactScene, walls: &Walls, range: std::ops::Range<usize>, skin: f64) -> Self {
+    pub fn collect(spheres: &[Sphere], walls: &Walls, range: std::ops::Range<usize>, skin: f64) -> Self {
         let mut result = Self::default();
         let mut found = Vec::new();
         for index in range {
-            let sphere = &scene.spheres[index];
-            found.clear();
+            let sphere = &spheres[index];
             walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
             if !found.is_empty() {
                 let from = result.candidates.len() as u32;
