@@ -58,8 +58,10 @@ pub enum RunError {
     Refused(Box<Plan>),
     /// No backend can do what the scene needs.
     NoBackend(Box<Plan>),
-    /// The result folder cannot be used for this run.
+    /// The result folder, or the checkpoint to start from, cannot be used for this run.
     Folder(String),
+    /// The folder holds this very run, which the watchdog stopped, in these words.
+    StoppedBefore(String),
     /// The backend failed; the folder holds what was written.
     Backend(BackendError),
 }
@@ -71,6 +73,7 @@ impl RunError {
         match self {
             Self::Scene(_) | Self::Refused(_) | Self::Folder(_) => exit_code::USAGE,
             Self::NoBackend(_) => exit_code::NO_BACKEND,
+            Self::StoppedBefore(_) => exit_code::UNSTABLE,
             Self::Backend(error) => error.exit_code(),
         }
     }
@@ -95,10 +98,13 @@ impl From<OutputError> for RunError {
 pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
     let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
     let plan = accepted_plan(&scene, request.force)?;
-    let key = stage_key(&scene, &plan);
+    let key = stage_key(&scene, &plan)?;
     let path = request.out.clone().unwrap_or_else(|| Path::new("runs").join(folder::name_of(&request.scene)));
     let folder = RunFolder::claim(&path, &key, request.resume)?;
     if let Some(summary) = folder.finished()? {
+        if summary.outcome.exit_code == exit_code::UNSTABLE {
+            return Err(RunError::StoppedBefore(summary.outcome.reason));
+        }
         return Ok(RunReport { folder: path, summary, was_done: true, timing: String::new() });
     }
     let threads = request.threads.unwrap_or_else(native::default_threads);
@@ -114,7 +120,8 @@ pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, 
     let result = match native::run(&scene, setup, &stage, &mut []) {
         Ok(result) => result,
         Err(error) => {
-            summary::of_failure(request, &scene, &plan, &error, warned).write(&folder.summary_path())?;
+            // What went wrong first is what the user must hear of, also where the disk takes no summary any more.
+            drop(summary::of_failure(request, &scene, &plan, &error, warned).write(&folder.summary_path()));
             return Err(error.into());
         }
     };
@@ -137,16 +144,22 @@ fn accepted_plan(scene: &Scene, force: bool) -> Result<Plan, RunError> {
     Ok(plan)
 }
 
-fn stage_key(scene: &Scene, plan: &Plan) -> StageKey {
+fn stage_key(scene: &Scene, plan: &Plan) -> Result<StageKey, RunError> {
+    if let Some(missing) = scene.start_checkpoint.as_ref().filter(|path| !path.is_file()) {
+        let shown = missing.display();
+        return Err(RunError::Folder(format!("there is no checkpoint {shown} to start from; run what writes it first")));
+    }
     let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
+    let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;
     let choices = Choices {
         backend: native::NAME,
         numerics_version: native::NUMERICS_VERSION,
         timestep: plan.timestep.chosen,
         skin: plan.skin.skin,
         models: &models,
+        start: start.as_deref(),
     };
-    StageKey::new(scene, &choices)
+    Ok(StageKey::new(scene, &choices))
 }
 
 fn measured(scene: &Scene, result: &native::StageResult, folder: &Path) -> Result<Vec<MeasureResult>, OutputError> {

@@ -14,6 +14,8 @@ pub enum BackendError {
         what: String,
         /// Plant time reached [s].
         time: f64,
+        /// Time steps done since time 0.
+        steps: u64,
     },
     /// The disk or system refused, or a file that should be continued cannot be used.
     Output(OutputError),

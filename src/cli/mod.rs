@@ -64,6 +64,14 @@ fn model_and_state(text: &str) -> Result<(String, bool), String> {
     }
 }
 
+/// Most threads that can be asked for: more than any computer has, and few enough to be started.
+const MOST_THREADS: usize = 1024;
+
+fn threads(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| (1..=MOST_THREADS).contains(count));
+    count.ok_or_else(|| format!("write a number of threads from 1 to {MOST_THREADS}"))
+}
+
 impl SceneArguments {
     /// All changes as settings of the scene.
     fn all_settings(&self) -> Vec<(String, String)> {

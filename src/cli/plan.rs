@@ -9,7 +9,7 @@ pub struct Arguments {
     #[command(flatten)]
     pub scene: SceneArguments,
     /// Threads that the run will have [default: one a processor core]
-    #[arg(long)]
+    #[arg(long, value_parser = super::threads)]
     pub threads: Option<usize>,
     /// The plan as JSON on stdout
     #[arg(long)]

@@ -16,7 +16,7 @@ pub struct Arguments {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Threads; they change no bit of the result [default: one a processor core]
-    #[arg(long)]
+    #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
     /// Start from another run's checkpoint, with its contacts
     #[arg(long, value_name = "CHECKPOINT")]
@@ -61,10 +61,16 @@ pub fn run(arguments: &Arguments) -> u8 {
     }
 }
 
-fn request(arguments: &Arguments) -> RunRequest {
+/// What the command line changes in the scene, `--from` included.
+fn settings(arguments: &Arguments) -> Vec<(String, String)> {
     let mut settings = arguments.scene.all_settings();
     let from = arguments.from.as_ref().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.clone()));
     settings.extend(from.map(|path| ("start_checkpoint".to_owned(), format!("{:?}", path.display().to_string()))));
+    settings
+}
+
+fn request(arguments: &Arguments) -> RunRequest {
+    let settings = settings(arguments);
     RunRequest {
         scene: arguments.scene.scene.clone(),
         settings,
@@ -82,7 +88,12 @@ fn request(arguments: &Arguments) -> RunRequest {
 
 fn dry_run(arguments: &Arguments) -> u8 {
     super::plan::run(&super::plan::Arguments {
-        scene: arguments.scene.clone(),
+        scene: SceneArguments {
+            settings: settings(arguments),
+            seed: None,
+            models: Vec::new(),
+            ..arguments.scene.clone()
+        },
         threads: arguments.threads,
         json: arguments.json,
     })
@@ -156,6 +167,7 @@ fn explain(arguments: &Arguments, error: &RunError) -> String {
         }
         RunError::NoBackend(plan) => format!("{}\nno backend can do what this scene needs", plan.to_text()),
         RunError::Folder(text) => text.clone(),
+        RunError::StoppedBefore(reason) => format!("this run was done before; nothing was computed. Then: {reason}"),
         RunError::Backend(error) => error.to_string(),
     }
 }

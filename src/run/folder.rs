@@ -1,21 +1,27 @@
 //! The result folder of a run: never overwritten; the same key is done, another one is refused with the difference.
 
 use super::RunError;
+use crate::exit_code;
 use crate::output::OutputError;
-use crate::output::staging::write_whole;
+use crate::output::staging::{STAGING_SUFFIX, write_whole};
 use crate::output::summary::Summary;
 use crate::stage::key::{StageKey, differences};
 use serde_json::{Value, json};
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
 /// Differences shown to the user.
 const MOST_DIFFERENCES: usize = 6;
 
+/// Name of the file that says which run a folder belongs to.
+const RECORD: &str = "run.json";
+
 /// A claimed result folder.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
+    /// Held while the run is computed, so that no second process writes into the folder; the system frees it with the process.
+    _lock: Option<File>,
 }
 
 /// Name of the default folder: that of the scene's folder or file.
@@ -27,23 +33,44 @@ pub fn name_of(scene: &Path) -> String {
     stem.map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
+/// Whether anything but the beginnings of a record is in the folder.
+fn is_used(path: &Path) -> bool {
+    let beginnings = format!("{RECORD}{STAGING_SUFFIX}");
+    fs::read_dir(path).is_ok_and(|entries| entries.flatten().any(|entry| entry.file_name() != beginnings.as_str()))
+}
+
+/// Locks a folder; `None` where its file system has no locks.
+fn lock(path: &Path) -> Result<Option<File>, RunError> {
+    let folder = File::open(path).map_err(|source| OutputError::system("open", path, source))?;
+    match folder.try_lock() {
+        Ok(()) => Ok(Some(folder)),
+        Err(TryLockError::WouldBlock) => Err(RunError::Folder(format!(
+            "another process is computing into the folder {}; wait for it, or choose another --out",
+            path.display()
+        ))),
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
+}
+
 impl RunFolder {
     /// Makes the folder, or accepts it where it belongs to the same run.
     pub fn claim(path: &Path, key: &StageKey, resume: bool) -> Result<Self, RunError> {
-        let folder = Self { path: path.to_path_buf() };
+        let shown = path.display();
+        if path.exists() && !path.is_dir() {
+            return Err(RunError::Folder(format!("{shown} is a file, not a folder; choose another --out")));
+        }
+        if !path.join(RECORD).exists() && is_used(path) {
+            return Err(RunError::Folder(format!(
+                "the folder {shown} is not empty and holds no run of tollgate; choose another --out"
+            )));
+        }
+        fs::create_dir_all(path).map_err(|source| OutputError::system("create", path, source))?;
+        let folder = Self { path: path.to_path_buf(), _lock: lock(path)? };
         let record = folder.record_path();
         if record.exists() {
             folder.check_same(key, resume)?;
             return Ok(folder);
         }
-        let used = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
-        if used {
-            return Err(RunError::Folder(format!(
-                "the folder {} is not empty and holds no run of tollgate; choose another --out",
-                path.display()
-            )));
-        }
-        fs::create_dir_all(path).map_err(|source| OutputError::system("create", path, source))?;
         let content = json!({
             "key": key.key, "outputs_key": key.outputs_key, "tollgate_version": env!("CARGO_PKG_VERSION"), "content": key.content,
         });
@@ -69,7 +96,7 @@ impl RunFolder {
                 "the folder {shown} holds this very run, but with other outputs or measures, which cannot be added afterwards; choose another --out"
             )));
         }
-        if !resume && !self.summary_path().exists() {
+        if !resume && self.finished()?.is_none() {
             return Err(RunError::Folder(format!(
                 "the folder {shown} holds this run unfinished; go on with --resume, or choose another --out"
             )));
@@ -77,14 +104,15 @@ impl RunFolder {
         Ok(())
     }
 
-    /// The summary of an earlier run that ended by itself.
+    /// The summary of an earlier run that ended by itself: it would end so again.
     pub fn finished(&self) -> Result<Option<Summary>, OutputError> {
         let path = self.summary_path();
         if !path.exists() {
             return Ok(None);
         }
         let summary = Summary::read(&path)?;
-        Ok((summary.outcome.exit_code == crate::exit_code::DONE).then_some(summary))
+        let ended = matches!(summary.outcome.exit_code, exit_code::DONE | exit_code::UNSTABLE);
+        Ok(ended.then_some(summary))
     }
 
     /// Where the summary stands.
@@ -93,6 +121,6 @@ impl RunFolder {
     }
 
     fn record_path(&self) -> PathBuf {
-        self.path.join("run.json")
+        self.path.join(RECORD)
     }
 }

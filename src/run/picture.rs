@@ -21,6 +21,9 @@ pub fn draw(scene: &Scene, result: &StageResult, measures: &[MeasureResult], fol
     let view = if along == Some(1) { View::side() } else { View::front() };
     let mut bounds = Bounds::EMPTY;
     result.particles.iter().for_each(|particle| bounds.include(&particle.position));
+    if result.particles.is_empty() {
+        bounds = scene.domain.bounds;
+    }
     let parts: Vec<Outline> = scene
         .parts
         .iter()

@@ -62,18 +62,16 @@ pub fn of_failure(
     error: &BackendError,
     warnings: Vec<String>,
 ) -> Summary {
-    let time_s = if let BackendError::Unstable { time, .. } = error { *time } else { f64::NAN };
+    let (time_s, steps) =
+        if let BackendError::Unstable { time, steps, .. } = error { (*time, *steps) } else { (0.0, 0) };
     Summary {
         scene: provenance(request, scene),
-        outcome: Outcome {
-            exit_code: error.exit_code(),
-            reason: error.to_string(),
-            time_s: if time_s.is_finite() { time_s } else { 0.0 },
-        },
+        outcome: Outcome { exit_code: error.exit_code(), reason: error.to_string(), time_s },
         stages: vec![StageSummary {
             name: scene.name.clone(),
             backend: native::NAME.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            steps,
             timestep_s: plan.timestep.chosen,
             ..StageSummary::default()
         }],

@@ -28,6 +28,8 @@ pub struct Choices<'a> {
     pub skin: f64,
     /// Models that act.
     pub models: &'a [&'a str],
+    /// Digest of the checkpoint that is started from, hexadecimal.
+    pub start: Option<&'a str>,
 }
 
 /// Keys of the scene that say what is written or how it is called, and change no result.
@@ -43,6 +45,8 @@ impl StageKey {
     pub fn new(scene: &Scene, choices: &Choices) -> Self {
         let mut content = to_map(scene);
         content.remove("name");
+        // A path; what it leads to is among the choices.
+        content.remove("start_checkpoint");
         let outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
         content.insert("choices".to_owned(), Value::Object(to_map(choices)));

@@ -1,5 +1,6 @@
 //! Frames of particles, parts and contacts.
 
+use super::Schedule;
 use crate::dem::inspect::{ContactRecord, Partner};
 use crate::dem::simulation::Simulation;
 use crate::geometry::frustum::Frustum;
@@ -7,6 +8,7 @@ use crate::geometry::part::{Part, Surface, TriangleMesh};
 use crate::math::Vec3;
 use crate::output::lammps::{DumpWriter, FrameHeader};
 use crate::output::pvd::{Collection, Entry, frame_file};
+use crate::output::staging::STAGING_SUFFIX;
 use crate::output::vtp::{ContactLine, MeshFrame, Precision, write_contacts, write_mesh, write_particles};
 use crate::output::{Column, OutputError};
 use crate::particle::{ParticleId, ParticleState};
@@ -22,7 +24,7 @@ const SEGMENTS: u32 = 64;
 #[derive(Debug)]
 pub struct FrameOutput {
     folder: PathBuf,
-    every: Option<u64>,
+    schedule: Schedule,
     collection: Option<Collection>,
     dump: Option<DumpWriter>,
     last_written: Option<u64>,
@@ -30,43 +32,41 @@ pub struct FrameOutput {
 }
 
 impl FrameOutput {
-    /// Opens the frame files; those of a resumed simulation are continued after its time.
-    pub fn open(scene: &Scene, folder: &Path, resumed: Option<&Simulation>) -> Result<Self, OutputError> {
+    /// Opens the frame files; those of a resumed simulation are continued after the last frame that was due.
+    pub fn open(scene: &Scene, folder: &Path, simulation: &Simulation, resumed: bool) -> Result<Self, OutputError> {
         let frames = folder.join("frames");
         let pvd = folder.join("frames.pvd");
         let dump = folder.join("dump.particles.lammpstrj");
+        let schedule = Schedule::new(scene.output.frame_interval, simulation);
+        let kept = resumed.then(|| schedule.last_due(simulation.steps_done()));
         let mut output = Self {
             folder: folder.to_path_buf(),
-            every: None,
+            schedule,
             collection: None,
             dump: None,
-            last_written: None,
+            last_written: kept,
             meshes: scene.parts.iter().map(drawable).collect(),
         };
         if scene.output.vtp {
             fs::create_dir_all(&frames).map_err(|source| OutputError::system("create", &frames, source))?;
+            remove_frames_after(&frames, kept)?;
+            output.collection = Some(match kept {
+                Some(step) => Collection::resume(&pvd, step as f64 * simulation.setup().timestep)?,
+                None => Collection::create(&pvd)?,
+            });
         }
-        output.collection = match (scene.output.vtp, resumed) {
-            (false, _) => None,
-            (true, Some(simulation)) if pvd.exists() => Some(Collection::resume(&pvd, simulation.time())?),
-            (true, _) => Some(Collection::create(&pvd)?),
-        };
-        output.dump = match (scene.output.lammps, resumed) {
-            (false, _) => None,
-            (true, Some(simulation)) if dump.exists() => Some(DumpWriter::resume(&dump, simulation.steps_done())?),
-            (true, _) => Some(DumpWriter::create(&dump)?),
-        };
-        // The checkpoint of a finished interval may carry the last state's frame: it is not written twice.
-        output.last_written = resumed.map(Simulation::steps_done);
+        if scene.output.lammps {
+            output.dump = Some(match kept {
+                Some(step) => DumpWriter::resume(&dump, step)?,
+                None => DumpWriter::create(&dump)?,
+            });
+        }
         Ok(output)
     }
 
     /// Writes a frame where the present step is due.
     pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
-        let interval = scene.output.frame_interval;
-        let every = *self.every.get_or_insert_with(|| interval.map_or(u64::MAX, |i| super::steps_in(i, simulation)));
-        let step = simulation.steps_done();
-        if step.is_multiple_of(every) { self.write(simulation, scene) } else { Ok(()) }
+        if self.schedule.is_due(simulation.steps_done()) { self.write(simulation, scene) } else { Ok(()) }
     }
 
     /// Writes the last state, unless it stands there already.
@@ -101,8 +101,8 @@ impl FrameOutput {
     ) -> Result<Vec<Entry>, OutputError> {
         let (step, time) = (simulation.steps_done(), simulation.time());
         let mut entries = Vec::new();
-        let mut add = |name: &str| {
-            let file = frame_file(name, step);
+        let mut add = |name: &str, stem: &str| {
+            let file = frame_file(stem, step);
             entries.push(Entry {
                 time,
                 part: entries.len() as u32,
@@ -111,7 +111,7 @@ impl FrameOutput {
             });
             self.folder.join("frames").join(file)
         };
-        write_particles(&add("particles"), time, particles, &[], Precision::Single)?;
+        write_particles(&add("particles", "particles"), time, particles, &[], Precision::Single)?;
         for (index, (part, mesh)) in scene.parts.iter().zip(&self.meshes).enumerate() {
             let Some(mesh) = mesh.as_ref().filter(|_| simulation.is_present(index as u16)) else { continue };
             let pose = part.motion.pose(time);
@@ -130,14 +130,34 @@ impl FrameOutput {
                 triangle_columns: &[],
                 part_columns: &columns,
             };
-            write_mesh(&add(&part.name), time, &frame, Precision::Single)?;
+            write_mesh(&add(&part.name, &format!("{index}_{}", part.name)), time, &frame, Precision::Single)?;
         }
         if scene.output.contacts {
             let lines = contact_lines(particles, &simulation.contacts());
-            write_contacts(&add("contacts"), time, &lines, &[], Precision::Single)?;
+            write_contacts(&add("contacts", "contacts"), time, &lines, &[], Precision::Single)?;
         }
         Ok(entries)
     }
+}
+
+/// Removes the frames of an earlier attempt at the same run that are later than `kept`, finished or not.
+fn remove_frames_after(frames: &Path, kept: Option<u64>) -> Result<(), OutputError> {
+    let failed = |source| OutputError::system("tidy up", frames, source);
+    for entry in fs::read_dir(frames).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name();
+        let Some(step) = name.to_str().and_then(step_of_frame) else { continue };
+        if kept.is_none_or(|kept| step > kept) {
+            fs::remove_file(entry.path()).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
+/// The time step in the name of a frame's file, also of an unfinished one.
+fn step_of_frame(name: &str) -> Option<u64> {
+    let (_, step) = name.strip_suffix(STAGING_SUFFIX).unwrap_or(name).strip_suffix(".vtp")?.rsplit_once('_')?;
+    step.parse().ok()
 }
 
 /// A surface as triangles to look at; a plane has no border and is not drawn.

@@ -15,6 +15,7 @@ pub use crate::dem::presence::PartEvent;
 pub use crate::dem::removal::{Removal, RemovalCause};
 use crate::dem::simulation::{Setup, Simulation};
 use crate::dem::watchdog::Stop;
+use crate::output::OutputError;
 use crate::output::progress::{Progress, Status, Verbosity};
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
@@ -101,10 +102,12 @@ pub fn run(
         Some(simulation) => simulation,
         None => start(scene, setup)?,
     };
-    simulation.prepare();
+    if !from_checkpoint {
+        simulation.prepare();
+    }
     let mut driver = Driver {
-        frames: frames::FrameOutput::open(scene, request.folder, from_checkpoint.then_some(&simulation))?,
-        series: series::SeriesOutput::open(request.folder, from_checkpoint.then_some(&simulation))?,
+        frames: frames::FrameOutput::open(scene, request.folder, &simulation, from_checkpoint)?,
+        series: series::SeriesOutput::open(scene, request.folder, &simulation, from_checkpoint)?,
         checkpoint,
         checkpoint_every: scene.output.checkpoint_interval.map(|interval| steps_in(interval, &simulation)),
         timing: Timing::default(),
@@ -118,9 +121,19 @@ pub fn run(
     let mut progress = Progress::on_stderr(request.verbosity, simulation.time(), scene.end.time);
     let outcome = driver.drive(&mut simulation, scene, request, observers, &mut progress);
     progress.finish(status(&simulation, first_step));
-    driver.write_last(&simulation, scene)?;
-    let end = outcome?;
-    Ok(driver.result(simulation, end, first_step, started))
+    match outcome {
+        Ok(end) => {
+            driver.write_last(&simulation, scene)?;
+            Ok(driver.result(simulation, end, first_step, started))
+        }
+        Err(error) => {
+            // The state at which an unstable run was stopped is there to be looked at, not to be continued.
+            if matches!(error, BackendError::Unstable { .. }) {
+                drop(driver.write_state(&simulation, scene));
+            }
+            Err(error)
+        }
+    }
 }
 
 fn start(scene: &Scene, setup: Setup) -> Result<Simulation, BackendError> {
@@ -138,6 +151,38 @@ fn start(scene: &Scene, setup: Setup) -> Result<Simulation, BackendError> {
 #[must_use]
 pub fn default_threads() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// Digest of a checkpoint that is to be started from.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn digest_of_start(path: &Path) -> Result<String, OutputError> {
+    let bytes = std::fs::read(path).map_err(|source| OutputError::system("read", path, source))?;
+    Ok(blake3::hash(&bytes).to_hex().to_string())
+}
+
+/// When something is written: every so many time steps, from step 0.
+#[derive(Debug, Clone, Copy)]
+struct Schedule {
+    every: u64,
+}
+
+impl Schedule {
+    /// Every `interval` [s] of plant time; only at step 0 where there is none.
+    fn new(interval: Option<f64>, simulation: &Simulation) -> Self {
+        Self { every: interval.map_or(u64::MAX, |interval| steps_in(interval, simulation)) }
+    }
+
+    fn is_due(self, step: u64) -> bool {
+        step.is_multiple_of(self.every)
+    }
+
+    /// The last step not after `step` at which it is due. What an interrupted run has written later than that, at its end,
+    /// does not belong to a run that goes on.
+    fn last_due(self, step: u64) -> u64 {
+        step - step % self.every
+    }
 }
 
 /// Whole time steps in an interval of plant time, at least one.
@@ -204,14 +249,19 @@ impl Driver {
         Ok(())
     }
 
-    /// Writes the last state, however the run ended.
+    /// Writes the last state of a run that ended by itself or was interrupted.
     fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), BackendError> {
         let started = Instant::now();
-        self.frames.write_last(simulation, scene)?;
-        self.series.write_last(simulation, scene)?;
+        self.write_state(simulation, scene)?;
         self.checkpoint.save(simulation, &self.end)?;
         self.timing.add(Phase::Output, started.elapsed());
         Ok(())
+    }
+
+    /// Frame and row of the present state.
+    fn write_state(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+        self.frames.write_last(simulation, scene)?;
+        self.series.write_last(simulation, scene)
     }
 
     fn result(mut self, simulation: Simulation, end: EndReason, first_step: u64, started: Instant) -> StageResult {
@@ -252,6 +302,10 @@ impl Driver {
 
 impl From<Stop> for BackendError {
     fn from(stop: Stop) -> Self {
-        Self::Unstable { what: stop.to_string(), time: stop.time }
+        let mut what = stop.to_string();
+        if let Some(id) = stop.particle.filter(|id| !what.contains(&format!("particle {} of feed", id.serial()))) {
+            what += &format!(" (the fastest is particle {} of feed {})", id.serial(), id.feed());
+        }
+        Self::Unstable { what, time: stop.time, steps: stop.step }
     }
 }

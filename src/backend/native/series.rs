@@ -1,5 +1,6 @@
 //! Rows of `series.csv`.
 
+use super::Schedule;
 use crate::dem::inspect::{ContactRecord, Partner};
 use crate::dem::simulation::Simulation;
 use crate::math::Vec3;
@@ -13,7 +14,7 @@ use std::path::Path;
 #[derive(Debug)]
 pub struct SeriesOutput {
     writer: SeriesWriter,
-    every: Option<u64>,
+    schedule: Schedule,
     last_written: Option<u64>,
 }
 
@@ -23,21 +24,21 @@ pub fn mass_column(measure: &str) -> String {
 }
 
 impl SeriesOutput {
-    /// Opens `series.csv`; that of a resumed simulation is continued after its time.
-    pub fn open(folder: &Path, resumed: Option<&Simulation>) -> Result<Self, OutputError> {
+    /// Opens `series.csv`; that of a resumed simulation is continued after the last row that was due.
+    pub fn open(scene: &Scene, folder: &Path, simulation: &Simulation, resumed: bool) -> Result<Self, OutputError> {
         let path = folder.join("series.csv");
-        let writer = match resumed {
-            Some(simulation) if path.exists() => SeriesWriter::resume(&path, simulation.time())?,
-            _ => SeriesWriter::create(&path)?,
-        };
-        Ok(Self { writer, every: None, last_written: resumed.map(Simulation::steps_done) })
+        let schedule = Schedule::new(Some(scene.output.series_interval), simulation);
+        if !resumed {
+            return Ok(Self { writer: SeriesWriter::create(&path)?, schedule, last_written: None });
+        }
+        let kept = schedule.last_due(simulation.steps_done());
+        let writer = SeriesWriter::resume(&path, kept as f64 * simulation.setup().timestep)?;
+        Ok(Self { writer, schedule, last_written: Some(kept) })
     }
 
     /// Writes a row where the present step is due.
     pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
-        let interval = scene.output.series_interval;
-        let every = *self.every.get_or_insert_with(|| super::steps_in(interval, simulation));
-        if simulation.steps_done().is_multiple_of(every) { self.write(simulation, scene) } else { Ok(()) }
+        if self.schedule.is_due(simulation.steps_done()) { self.write(simulation, scene) } else { Ok(()) }
     }
 
     /// Writes the last state's row, unless it stands there already.

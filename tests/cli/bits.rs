@@ -1,0 +1,183 @@
+//! The same bits whatever the number of threads, and however often a run is killed, interrupted and resumed.
+
+use super::common::{Answer, Bench, Frame, assert_same, interrupt};
+use std::collections::BTreeMap;
+use std::fs;
+use std::sync::OnceLock;
+
+/// More than 3000 particles, so that the work falls into several chunks; a bin whose floor, a mesh, opens once the bed is
+/// slow, a mesh that stirs it, a stream besides the fill, and a border below through which particles leave.
+const BIN: &str = r#"
+[domain]
+min_mm = [-55, -55, -12]
+max_mm = [55, 55, 160]
+
+[[feed]]
+name = "fill"
+kind = "fill"
+particle = "bead"
+region = { shape = "box", min_mm = [-50, -50, 0], max_mm = [50, 50, 100] }
+amount = 3150
+
+[[feed]]
+name = "stream"
+kind = "stream"
+particle = "bead"
+face = { shape = "disc", centre_mm = [0, 0, 130], normal = [0, 0, -1], radius_mm = 30 }
+rate = "4000 1/s"
+velocity_m_per_s = [0, 0, -1]
+until = "30 ms"
+
+[[part]]
+name = "stirrer"
+material = "wall"
+shape = "stl"
+file = "stirrer.stl"
+motion = [{ kind = "rotate", origin_mm = [0, 0, 0], axis = [0, 0, 1], rate = "120 rpm" }]
+
+[[part]]
+name = "gate"
+material = "wall"
+shape = "box"
+min_mm = [-60, -60, -4]
+max_mm = [60, 60, -1]
+disappears = { at_rest = { speed = "0.6 m/s", hold = "2 ms", not_before = "40 ms" } }
+
+[[part]]
+name = "left"
+material = "wall"
+shape = "plane"
+point_mm = [-50, 0, 0]
+normal = [1, 0, 0]
+
+[[part]]
+name = "right"
+material = "wall"
+shape = "plane"
+point_mm = [50, 0, 0]
+normal = [-1, 0, 0]
+
+[end]
+time = "110 ms"
+
+[output]
+frames = "10 ms"
+formats = ["vtp", "lammps"]
+contacts = true
+series = "1 ms"
+energy = true
+checkpoints = "7 ms"
+
+[[measure]]
+name = "outflow"
+kind = "mass-flow-rate"
+point_mm = [0, 0, -6]
+normal = [0, 0, -1]
+
+[[measure]]
+name = "packing"
+kind = "solid-fraction"
+region = { min_mm = [-40, -40, 10], max_mm = [40, 40, 40] }
+"#;
+
+/// A blade of two triangles in the bed, off the axis.
+fn stirrer() -> String {
+    let corners = [[10.0, -2.0, 10.0], [40.0, 2.0, 10.0], [40.0, 2.0, 50.0], [10.0, -2.0, 50.0]];
+    let facet = |indices: [usize; 3]| {
+        let vertices: String = indices
+            .iter()
+            .map(|&k| format!("vertex {} {} {}\n", corners[k][0] * 1e-3, corners[k][1] * 1e-3, corners[k][2] * 1e-3))
+            .collect();
+        format!("facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet\n")
+    };
+    format!("solid blade\n{}{}endsolid blade\n", facet([0, 1, 2]), facet([0, 2, 3]))
+}
+
+fn bin() -> Bench {
+    let bench = Bench::with(&[BIN]);
+    fs::write(bench.path("stirrer.stl"), stirrer()).unwrap();
+    bench
+}
+
+/// The undisturbed run on one thread, computed once for all tests.
+fn undisturbed() -> &'static BTreeMap<String, Vec<u8>> {
+    static RESULT: OnceLock<BTreeMap<String, Vec<u8>>> = OnceLock::new();
+    RESULT.get_or_init(|| {
+        let bench = bin();
+        let summary = bench.run("a", &[]);
+        // The scene must do what it is here for.
+        summary.conserves_particles();
+        assert!(summary.number("/stages/0/particles") > 2000.0, "{:#}", summary.0);
+        assert!(summary.sum("/feeds", "inserted_count") > 3200.0, "{:#}", summary.0);
+        assert!(summary.sum("/removed", "count") > 20.0, "{:#}", summary.0);
+        assert_eq!(summary.word("/events/0/what"), "part 'gate' disappeared");
+        assert!(summary.number("/measures/outflow_kg_per_s") > 0.0, "{:#}", summary.0);
+        bench.result("a")
+    })
+}
+
+#[test]
+fn two_threads_give_the_bits_of_one() {
+    let bench = bin();
+    let answer = bench.tollgate(&["run", "scene.toml", "--threads", "2", "--out", "a"]);
+    assert_eq!(answer.code, 0, "{answer:?}");
+    assert_same(undisturbed(), &bench.result("a"));
+}
+
+/// A few numbers that are the same at every repetition (Knuth's MMIX generator).
+fn seeded(seed: u64, count: usize, below: u64) -> Vec<usize> {
+    let mut state = seed;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) % below) as usize
+    };
+    (0..count).map(|_| next()).collect()
+}
+
+#[test]
+fn a_run_killed_again_and_again_ends_as_the_undisturbed_one() {
+    let bench = bin();
+    // The first kill comes before the first checkpoint at 7 ms: the run starts over, and what it wrote is gone.
+    let mut moments = vec![4];
+    moments.extend(seeded(20, 3, 100).iter().map(|row| row + 8));
+    moments.sort_unstable();
+    let mut further: &[&str] = &[];
+    for rows in moments {
+        let command = [&["run", "scene.toml", "--threads", "1", "--out", "a"], further].concat();
+        let mut child = bench.start(&command);
+        let going = bench.wait_for_rows(&mut child, "a", rows);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert!(going, "the run ended before row {rows}");
+        assert!(!bench.path("a/summary.json").exists());
+        further = &["--resume"];
+    }
+    bench.tollgate(&["run", "scene.toml", "--out", "a"]).refused(2, &["unfinished", "--resume"]);
+    bench.run("a", &["--resume"]);
+    assert_same(undisturbed(), &bench.result("a"));
+}
+
+#[test]
+fn an_interrupted_run_says_so_and_goes_on_to_the_same_end() {
+    let bench = bin();
+    let mut further: &[&str] = &[];
+    for rows in [3, 66] {
+        let command = [&["run", "scene.toml", "--threads", "2", "--out", "a"], further].concat();
+        let mut child = bench.start(&command);
+        assert!(bench.wait_for_rows(&mut child, "a", rows));
+        interrupt(&child);
+        let answer = Answer::from(child.wait_with_output().unwrap());
+        assert_eq!(answer.code, 130, "{answer:?}");
+        assert!(answer.err.contains("interrupted") && answer.err.contains("--resume"), "{answer:?}");
+        let summary = bench.summary("a");
+        assert_eq!(summary.word("/outcome/reason"), "interrupted");
+        assert_eq!(summary.number("/outcome/exit_code"), 130.0);
+        // The last state was written, whenever it was.
+        let last = Frame::all(&bench.text("a/dump.particles.lammpstrj")).pop().unwrap();
+        assert_eq!(last.step as f64, summary.number("/stages/0/steps"));
+        bench.tollgate(&["run", "scene.toml", "--out", "a"]).refused(2, &["unfinished", "--resume"]);
+        further = &["--resume"];
+    }
+    bench.run("a", &["--resume"]);
+    assert_same(undisturbed(), &bench.result("a"));
+}

@@ -1,0 +1,10 @@
+//! The program as its users meet it: the binary, driven in temporary folders. One target, so that it is linked once.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod bits;
+mod common;
+mod exits;
+mod folders;
+mod restart;
+mod scenes;
+mod workflow;
