@@ -327,6 +327,7 @@ fn cost_counts_what_the_feeds_bring() {
         particle_steps_per_second_dense: 1e7,
         particle_steps_per_second_dilute: 1e8,
         bytes_per_particle: 1000.0,
+        base_bytes: 5e6,
         threads: 1,
     };
     let cost = plan_of(&scene, Some(calibration)).cost;
@@ -337,7 +338,7 @@ fn cost_counts_what_the_feeds_bring() {
     // the stream's particles are there from 1 s on average, half of the time
     assert_relative_eq!(cost.particle_steps, 2e5 * (100.0 + 0.5 * by_feed[1]), max_relative = 1e-3);
     assert_relative_eq!(cost.wall_s.unwrap(), cost.particle_steps / 1e7, max_relative = 1e-14);
-    assert_relative_eq!(cost.memory_bytes.unwrap(), 1000.0 * cost.particles, max_relative = 1e-14);
+    assert_relative_eq!(cost.memory_bytes.unwrap(), 5e6 + 1000.0 * cost.particles, max_relative = 1e-14);
     assert_eq!(plan_of(&scene, None).cost.wall_s, None);
     // free particles in a periodic box without gravity
     scene.gravity = Vec3::zeros();
