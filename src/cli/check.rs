@@ -28,7 +28,8 @@ pub fn run(arguments: &Arguments) -> u8 {
         planned.iter().for_each(|finding| print::message(&format!("plan: {}", finding.text)));
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
         let warnings = findings.len() - errors + planned.len();
-        print::result(&format!("{errors} errors, {warnings} warnings"));
+        let counted = |count: usize, word: &str| format!("{count} {word}{}", if count == 1 { "" } else { "s" });
+        print::result(&format!("{}, {}", counted(errors, "error"), counted(warnings, "warning")));
     }
     if scene.is_some() { exit_code::DONE } else { exit_code::USAGE }
 }
