@@ -31,7 +31,8 @@ pub fn run(arguments: &Arguments) -> u8 {
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
         let refusals = planned.iter().filter(|finding| finding.severity == plan::Severity::Refusal).count();
         let warnings = findings.len() - errors + planned.len() - refusals;
-        print::result(&format!("{} errors, {warnings} warnings", errors + refusals));
+        let counted = |count: usize, word: &str| format!("{count} {word}{}", if count == 1 { "" } else { "s" });
+        print::result(&format!("{}, {}", counted(errors + refusals, "error"), counted(warnings, "warning")));
     }
     if refused { exit_code::USAGE } else { exit_code::DONE }
 }

@@ -37,6 +37,10 @@ restitution = 0.5
 friction = 0.4
 rolling_friction = 0.05
 
+# So soft that impacts go deep; what the law says of them is not what is looked at here.
+[solver]
+overlap_limit = 0.4
+
 [particle.bead]
 material = "glass"
 diameter = { uniform_mm = [4, 6] }

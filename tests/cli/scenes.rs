@@ -54,7 +54,7 @@ max_mm = [40, 10, 100]
 name = "fill"
 kind = "fill"
 particle = "bead"
-region = { shape = "box", min_mm = [-30, 0, 3], max_mm = [30, 0, 60] }
+region = { shape = "box", min_mm = [-30, -1, 3], max_mm = [30, 1, 60] }
 amount = 60
 
 [[part]]
@@ -168,8 +168,8 @@ disappears = "30 ms"
 
 #[test]
 fn every_end_condition_ends_as_stated() {
-    let open = FLOOR.replace("[[part]]", "[[part]]\nappears = \"100 s\"");
-    let bench = Bench::with(&[&open, BEADS, "[end]\ntime = \"1 s\"\n", DUMP]);
+    let open = FLOOR.split("[[part]]").next().unwrap();
+    let bench = Bench::with(&[open, BEADS, "[end]\ntime = \"1 s\"\n", DUMP]);
     let time = bench.run("time", &["--set", "end.time=11 ms"]);
     assert_eq!(time.word("/outcome/reason"), "time");
     // The end is reached to half a step, whatever time / step is.
