@@ -13,6 +13,8 @@ pub struct PairConstants {
     pub effective_shear_modulus: f64,
     /// Damping factor beta = -ln e / sqrt(pi^2 + ln^2 e) [-], the share of critical damping.
     pub damping_factor: f64,
+    /// Root of Mindlin's ratio of tangential to normal tangent stiffness, sqrt(4 G* / E*) [-].
+    pub root_of_stiffness_ratio: f64,
     /// Constants given directly; `None` where they follow from E, nu and e.
     pub direct: Option<DirectStiffness>,
     /// Sliding friction mu [-].
@@ -56,6 +58,7 @@ impl PairConstants {
             effective_youngs_modulus: 0.0,
             effective_shear_modulus: 0.0,
             damping_factor: 0.0,
+            root_of_stiffness_ratio: 0.0,
             direct: None,
             sliding_friction: properties.sliding_friction,
             rolling_friction: properties.rolling_friction,
@@ -65,6 +68,7 @@ impl PairConstants {
                 effective_youngs_modulus: youngs,
                 effective_shear_modulus: shear,
                 damping_factor: damping_ratio(coefficient),
+                root_of_stiffness_ratio: (4.0 * shear / youngs).sqrt(),
                 ..common
             },
             PairContact::Stiffness { normal_stiffness, tangential_stiffness, normal_damping, tangential_damping } => {
@@ -96,6 +100,7 @@ impl LawTable {
                 effective_youngs_modulus: f64::NAN,
                 effective_shear_modulus: f64::NAN,
                 damping_factor: f64::NAN,
+                root_of_stiffness_ratio: f64::NAN,
                 direct: None,
                 sliding_friction: f64::NAN,
                 rolling_friction: f64::NAN,

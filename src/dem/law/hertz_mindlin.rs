@@ -7,7 +7,7 @@ use super::{NormalForce, NormalMotion};
 const SQRT_FIVE_SIXTHS: f64 = 0.912_870_929_175_276_9;
 
 /// Elastic force F = 4/3 E* sqrt(R* d) d, damping gamma_n = 2 sqrt(5/6) beta sqrt(S_n m*) with S_n = 2 E* sqrt(R* d),
-/// tangential stiffness k_t = 8 G* sqrt(R* d), gamma_t likewise with k_t for S_n.
+/// tangential stiffness k_t = 8 G* sqrt(R* d), gamma_t likewise with k_t for S_n: gamma_t = gamma_n sqrt(4 G* / E*).
 ///
 /// E* effective Young's modulus [Pa], G* effective shear modulus [Pa], R* effective radius [m], m* effective mass [kg],
 /// d overlap [m], beta damping factor [-] ([`crate::dem::timescale::damping_ratio`]).
@@ -20,14 +20,13 @@ pub fn normal_force(pair: &PairConstants, motion: &NormalMotion) -> NormalForce 
     let root = (motion.effective_radius * motion.overlap).sqrt();
     let tangent_stiffness = 2.0 * pair.effective_youngs_modulus * root;
     let tangential_stiffness = 8.0 * pair.effective_shear_modulus * root;
-    let factor = 2.0 * SQRT_FIVE_SIXTHS * pair.damping_factor;
-    let damping = factor * (tangent_stiffness * motion.effective_mass).sqrt();
+    let damping = 2.0 * SQRT_FIVE_SIXTHS * pair.damping_factor * (tangent_stiffness * motion.effective_mass).sqrt();
     let elastic = 2.0 / 3.0 * tangent_stiffness * motion.overlap;
     NormalForce {
         elastic,
         total: elastic + damping * motion.closing_speed,
         tangential_stiffness,
-        tangential_damping: factor * (tangential_stiffness * motion.effective_mass).sqrt(),
+        tangential_damping: damping * pair.root_of_stiffness_ratio,
         elastic_energy: 0.4 * elastic * motion.overlap,
         // k_t grows with the root of the overlap: d(ln k_t)/dt = 1/2 d(ln delta)/dt.
         stiffness_growth: 0.5 * motion.closing_speed / motion.overlap,
@@ -51,6 +50,7 @@ mod tests {
             effective_youngs_modulus: 3.0e6,
             effective_shear_modulus: 1.0e6,
             damping_factor: 0.3,
+            root_of_stiffness_ratio: (4.0_f64 / 3.0).sqrt(),
             direct: None,
             sliding_friction: 0.5,
             rolling_friction: 0.0,

@@ -45,8 +45,7 @@ fn derived(settings: &LawSettings, pair: &PairConstants, motion: &NormalMotion) 
         return (stiffness, stiffness, damping, damping);
     }
     let tangential = stiffness * 4.0 * pair.effective_shear_modulus / pair.effective_youngs_modulus;
-    let tangential_damping = 2.0 * pair.damping_factor * (motion.effective_mass * tangential).sqrt();
-    (stiffness, tangential, damping, tangential_damping)
+    (stiffness, tangential, damping, damping * pair.root_of_stiffness_ratio)
 }
 
 #[cfg(test)]

@@ -42,9 +42,10 @@ pub fn tangential_force<const ENERGY: bool>(
     // xi = h * compliance, so that one code serves both memories.
     let (gain, compliance) =
         if total { (1.0, 1.0) } else { (stiffness, if stiffness > 0.0 { 1.0 / stiffness } else { 0.0 }) };
-    let mut memory = *history - direction * history.dot(direction);
+    let lost = history.dot(direction);
+    let mut memory = *history - direction * lost;
     if ours {
-        memory *= length_restored(history, &memory);
+        memory *= length_restored(lost, &memory);
     }
     let (before, after) = if ours { (0.5 * timestep, 0.5 * timestep) } else { (timestep, 0.0) };
     let trial = memory + slip_velocity * (before * gain);
@@ -92,11 +93,12 @@ pub fn tangential_force<const ENERGY: bool>(
     result
 }
 
-/// Factor that gives the projected spring its length before the projection, to second order: the spring turns with the contact.
+/// Factor that gives the projected spring its length before the projection, to second order in the part `lost` along the
+/// normal: the spring turns with the contact.
 #[inline(always)]
-fn length_restored(before: &Vec3, after: &Vec3) -> f64 {
-    let square = after.norm_squared();
-    if square > 0.0 { 1.0 + 0.5 * (before.norm_squared() - square).min(square) / square } else { 1.0 }
+fn length_restored(lost: f64, projected: &Vec3) -> f64 {
+    let square = projected.norm_squared();
+    if square > 0.0 { 1.0 + 0.5 * (lost * lost).min(square) / square } else { 1.0 }
 }
 
 /// Elastic energy of a tangential spring [J]: at the full step where `history` comes from
