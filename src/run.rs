@@ -147,7 +147,9 @@ fn accepted_plan(scene: &Scene, force: bool) -> Result<Plan, RunError> {
 fn stage_key(scene: &Scene, plan: &Plan) -> Result<StageKey, RunError> {
     if let Some(missing) = scene.start_checkpoint.as_ref().filter(|path| !path.is_file()) {
         let shown = missing.display();
-        return Err(RunError::Folder(format!("there is no checkpoint {shown} to start from; run what writes it first")));
+        return Err(RunError::Folder(format!(
+            "there is no checkpoint {shown} to start from; run what writes it first"
+        )));
     }
     let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
     let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;

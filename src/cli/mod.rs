@@ -44,7 +44,7 @@ struct SceneArguments {
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_and_value)]
     settings: Vec<(String, String)>,
     /// Seed of every random draw
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Force a model on or off; may be repeated
     #[arg(long = "model", value_name = "NAME=on|off", value_parser = model_and_state)]
@@ -111,11 +111,15 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if asked { exit_code::DONE } else { exit_code::USAGE });
         }
     };
-    ExitCode::from(match cli.verb {
-        Verb::Init(arguments) => init::run(&arguments),
-        Verb::Check(arguments) => check::run(&arguments),
-        Verb::Plan(arguments) => plan::run(&arguments),
-        Verb::Run(arguments) => run::run(&arguments),
-        Verb::Verify(arguments) => verify::run(&arguments),
-    })
+    let status = std::panic::catch_unwind(|| match &cli.verb {
+        Verb::Init(arguments) => init::run(arguments),
+        Verb::Check(arguments) => check::run(arguments),
+        Verb::Plan(arguments) => plan::run(arguments),
+        Verb::Run(arguments) => run::run(arguments),
+        Verb::Verify(arguments) => verify::run(arguments),
+    });
+    ExitCode::from(status.unwrap_or_else(|_| {
+        print::message("this is a fault of tollgate, not of the scene: report it with the lines above");
+        exit_code::BUG
+    }))
 }

@@ -145,3 +145,34 @@ fn the_key_knows_what_a_checkpoint_holds_not_where_it_lies() {
     assert_eq!(mean(&frames[0].column("z")), z, "the start is not the checkpoint's state");
     assert_eq!(frames.len(), 2);
 }
+
+#[test]
+fn particles_keep_their_material_by_name_and_their_body() {
+    let bench = Bench::with(&[BIN, FILL, "[end]\ntime = \"5 ms\"\n", OUTPUT]);
+    bench.run("a", &[]);
+    let from = |scene: &str, out: &str| {
+        bench.tollgate(&["run", scene, "--from", "a/state.checkpoint", "--out", out, "--threads", "1"])
+    };
+    // A material in front of the others moves their numbers, not the particles' material: its number is `type` - 1.
+    bench.write_scene("more.toml", &[BIN, "[end]\ntime = \"1 ms\"\n", OUTPUT]);
+    let text = bench.text("more.toml").replacen(
+        "[material.glass]",
+        "[material.air]\nyoungs_modulus = \"rigid\"\n\n[material.glass]",
+        1,
+    );
+    fs::write(bench.path("more.toml"), &text).unwrap();
+    let answer = from("more.toml", "more");
+    assert_eq!(answer.code, 0, "{answer:?}");
+    let kinds =
+        |out: &str| Frame::all(&bench.text(&format!("{out}/dump.particles.lammpstrj"))).pop().unwrap().column("type");
+    assert!(kinds("a").iter().all(|&kind| kind == 1.0));
+    assert!(kinds("more").iter().all(|&kind| kind == 2.0));
+    fs::write(bench.path("more.toml"), text.replace("glass", "slag")).unwrap();
+    from("more.toml", "slag").refused(5, &["cannot start from", "'glass'", "[material]"]);
+    let plane = text.replace("version = 1", "version = 1\ndimensions = 2\nthickness_mm = 5");
+    let plane = plane.replace("\"hertz-mindlin\"", "\"linear\"\ncharacteristic_velocity = \"1 m/s\"");
+    let (before, rest) = plane.split_once("[[part]]").unwrap();
+    let end = rest.find("[end]").unwrap();
+    fs::write(bench.path("plane.toml"), format!("{before}{}", &rest[end..])).unwrap();
+    from("plane.toml", "plane").refused(5, &["cannot start from", "spheres", "discs of 0.005 m"]);
+}
