@@ -19,7 +19,9 @@ pub fn run(arguments: &Arguments) -> u8 {
         Err(findings) => (None, findings),
     };
     findings.sort_by_key(|finding| (finding.line, finding.column));
-    let planned = scene.as_ref().map(|scene| plan::plan(scene, None).findings).unwrap_or_default();
+    let planned = scene.as_ref().map(|scene| plan::plan(scene, None));
+    let refused = planned.as_ref().is_none_or(plan::Plan::is_refused);
+    let planned = planned.map(|plan| plan.findings).unwrap_or_default();
     if arguments.json {
         let all = serde_json::json!({ "scene": findings, "plan": planned });
         print::result(&all.to_string());
@@ -27,9 +29,10 @@ pub fn run(arguments: &Arguments) -> u8 {
         print::message(&arguments.scene.rendered(&findings));
         planned.iter().for_each(|finding| print::message(&format!("plan: {}", finding.text)));
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
-        let warnings = findings.len() - errors + planned.len();
+        let refusals = planned.iter().filter(|finding| finding.severity == plan::Severity::Refusal).count();
+        let warnings = findings.len() - errors + planned.len() - refusals;
         let counted = |count: usize, word: &str| format!("{count} {word}{}", if count == 1 { "" } else { "s" });
-        print::result(&format!("{}, {}", counted(errors, "error"), counted(warnings, "warning")));
+        print::result(&format!("{}, {}", counted(errors + refusals, "error"), counted(warnings, "warning")));
     }
-    if scene.is_some() { exit_code::DONE } else { exit_code::USAGE }
+    if refused { exit_code::USAGE } else { exit_code::DONE }
 }

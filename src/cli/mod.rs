@@ -111,15 +111,11 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if asked { exit_code::DONE } else { exit_code::USAGE });
         }
     };
-    let status = std::panic::catch_unwind(|| match &cli.verb {
-        Verb::Init(arguments) => init::run(arguments),
-        Verb::Check(arguments) => check::run(arguments),
-        Verb::Plan(arguments) => plan::run(arguments),
-        Verb::Run(arguments) => run::run(arguments),
-        Verb::Verify(arguments) => verify::run(arguments),
-    });
-    ExitCode::from(status.unwrap_or_else(|_| {
-        print::message("this is a fault of tollgate, not of the scene: report it with the lines above");
-        exit_code::BUG
-    }))
+    ExitCode::from(match cli.verb {
+        Verb::Init(arguments) => init::run(&arguments),
+        Verb::Check(arguments) => check::run(&arguments),
+        Verb::Plan(arguments) => plan::run(&arguments),
+        Verb::Run(arguments) => run::run(&arguments),
+        Verb::Verify(arguments) => verify::run(&arguments),
+    })
 }

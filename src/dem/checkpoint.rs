@@ -61,6 +61,7 @@ struct Progress {
     steps: u64,
     loads_known: bool,
     part_names: Vec<String>,
+    material_names: Vec<String>,
     lists: ListSettings,
     motion_bounds: [f64; 3],
     booked: EnergyBudget,
@@ -202,6 +203,7 @@ impl Simulation {
             steps: self.steps,
             loads_known: self.loads_known,
             part_names: self.setup.parts.iter().map(|part| part.name.clone()).collect(),
+            material_names: self.setup.materials.materials.iter().map(|material| material.name.clone()).collect(),
             lists: self.neighborhood.settings(),
             motion_bounds: self.neighborhood.motion_bounds(),
             booked: self.booked,
@@ -264,12 +266,7 @@ impl Simulation {
         simulation.neighborhood.change_settings(progress.lists);
         simulation.take_particles(record, &progress)?;
         simulation.neighborhood.change_settings(settings);
-        let materials = simulation.setup.materials.materials.len() as u32;
-        if simulation.particles.velocities.iter().any(|velocity| velocity.material >= materials) {
-            return Err(RecordError(format!(
-                "its particles have materials that this scene lacks (it has {materials})"
-            )));
-        }
+        simulation.rename_materials(&progress.material_names)?;
         let own = simulation.setup.feeds.len() as u32;
         for id in &mut simulation.particles.ids {
             *id = ParticleId::new(id.feed() + own, id.serial());
@@ -286,6 +283,19 @@ impl Simulation {
             simulation.booked.inserted += simulation.spring_energy(|_, _| true);
         }
         Ok(simulation)
+    }
+
+    /// Gives the particles the numbers that their materials, known by name, have here.
+    fn rename_materials(&mut self, names: &[String]) -> Result<(), RecordError> {
+        let own = &self.setup.materials.materials;
+        for velocity in &mut self.particles.velocities {
+            let missing = || RecordError("its particles have materials that it does not name".to_owned());
+            let name = names.get(velocity.material as usize).ok_or_else(missing)?;
+            let found = own.iter().position(|material| material.name == *name);
+            let missing = || RecordError(format!("its particles are of material '{name}', which this scene lacks"));
+            velocity.material = found.ok_or_else(missing)? as u32;
+        }
+        Ok(())
     }
 
     fn take_particles(&mut self, record: &SimulationRecord, progress: &Progress) -> Result<(), RecordError> {

@@ -27,6 +27,8 @@ pub struct Touch {
     pub effective_mass: f64,
     /// 1/I_i + 1/I_j [1/(kg m2)].
     pub inverse_inertia: f64,
+    /// Closing speed less its mean over the time step [m/s]; known where losses are accounted for.
+    pub closing_lag: f64,
 }
 
 /// What the contact does to body i; j gets the opposite force and rolling torque.
@@ -70,7 +72,10 @@ pub fn answer<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
         effective_radius: touch.effective_radius,
         effective_mass: touch.effective_mass,
     };
-    let normal = law.normal_force(pair, &motion);
+    let mut normal = law.normal_force(pair, &motion);
+    if ENERGY {
+        normal.stiffness_growth -= normal.growth_by_overlap * touch.closing_lag;
+    }
     let mut result =
         Answer { force: touch.normal * -normal.total, twist: Vec3::zeros(), rolling: Vec3::zeros(), normal };
     if ENERGY {

@@ -89,6 +89,7 @@ impl Simulation {
         ContactScene {
             spheres: &self.particles.spheres,
             velocities: &self.particles.velocities,
+            accelerations: &self.particles.accelerations,
             law: &self.law,
             images: &self.neighborhood.images,
             timestep: self.setup.timestep,

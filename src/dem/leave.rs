@@ -1,8 +1,8 @@
 //! Particles that leave the domain, or are taken out.
 
 use super::inspect::Partner;
-use super::removal::{Removal, RemovalCause};
 use super::particles::Path;
+use super::removal::{Removal, RemovalCause};
 use super::simulation::Simulation;
 use crate::particle::ParticleId;
 use std::collections::HashSet;

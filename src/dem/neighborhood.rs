@@ -6,7 +6,6 @@ use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Images, InnerList, Memory};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
-use super::pair_contacts::ContactScene;
 use super::particles::{Particles, Path, Sphere};
 use super::simulation::Simulation;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
@@ -376,19 +375,10 @@ impl Simulation {
     /// Collects the elements of parts near each particle.
     pub(super) fn collect_wall_candidates(&mut self) {
         let skin = self.neighborhood.settings.skin;
-        let scene = ContactScene {
-            spheres: &self.particles.spheres,
-            velocities: &self.particles.velocities,
-            law: &self.law,
-            images: &self.neighborhood.images,
-            timestep: self.setup.timestep,
-            overlap_limit: self.setup.overlap_limit,
-            inertia_factor: self.setup.body.inertia_factor(),
-        };
-        let walls = &self.walls;
+        let (spheres, walls) = (&self.particles.spheres, &self.walls);
         let chunks: Vec<&mut Chunk> = self.neighborhood.chunks.iter_mut().collect();
         self.threads.for_each(chunks, |chunk| {
-            chunk.near_walls = WallCandidates::collect(&scene, walls, chunk.range.clone(), skin);
+            chunk.near_walls = WallCandidates::collect(spheres, walls, chunk.range.clone(), skin);
         });
         self.neighborhood.approached_walls = 0.0;
     }

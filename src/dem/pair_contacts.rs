@@ -2,11 +2,11 @@
 
 use super::contact::{Answer, Touch, answer, elastic_energy, present_memory};
 use super::energy::{DeepContact, Tally};
-use super::law::tangential::tangential_energy;
-use super::law::{LawSettings, NormalMotion};
 use super::law::constants::{LawTable, PairConstants};
+use super::law::tangential::tangential_energy;
+use super::law::{Compatibility, LawSettings, NormalMotion};
 use super::neighbor::list::{Candidate, Images, InnerList, Memory, NO_IMAGE};
-use super::particles::{Load, Path, Sphere, Velocity};
+use super::particles::{Acceleration, Load, Path, Sphere, Velocity};
 use crate::math::Vec3;
 
 /// What all chunks read while they compute contacts.
@@ -16,6 +16,8 @@ pub struct ContactScene<'a> {
     pub spheres: &'a [Sphere],
     /// Velocities.
     pub velocities: &'a [Velocity],
+    /// Accelerations at the last full step.
+    pub accelerations: &'a [Acceleration],
     /// Laws.
     pub law: &'a LawTable,
     /// Periodic images.
@@ -61,8 +63,20 @@ impl ContactScene<'_> {
             effective_radius: i.radius * j.radius / sum,
             effective_mass: 1.0 / (a.inverse_mass + b.inverse_mass),
             inverse_inertia: inverse(a, i.radius) + inverse(b, j.radius),
+            closing_lag: 0.0,
         };
         Some((touch, levers))
+    }
+
+    /// Closing speed that the laws see less its mean over the time step [m/s]: half a time step of acceleration, unless the
+    /// laws see half-step velocities.
+    #[inline(always)]
+    #[must_use]
+    pub fn closing_lag(&self, acceleration: &Vec3, normal: &Vec3) -> f64 {
+        match self.law.settings.compatibility {
+            Compatibility::Tollgate => 0.5 * self.timestep * acceleration.dot(normal),
+            Compatibility::Liggghts => 0.0,
+        }
     }
 
     #[inline(always)]
@@ -89,7 +103,7 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
         for entry in list.row(row) {
             let candidate = list.candidates[entry];
             let partner = candidate.partner as usize;
-            let Some((touch, levers)) = scene.touch(index, candidate) else {
+            let Some((mut touch, levers)) = scene.touch(index, candidate) else {
                 if remembers {
                     forget::<ENERGY>(scene, index, partner, &mut list.memory[entry], tally, share);
                 }
@@ -106,6 +120,10 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
                 let ratio = touch.overlap / scene.spheres[index].radius.min(scene.spheres[partner].radius);
                 let deep = DeepContact { particle: index as u32, partner: Some(candidate.partner), part: None, ratio };
                 tally.note_deep(deep);
+            }
+            if ENERGY {
+                let acceleration = scene.accelerations[index].linear - scene.accelerations[partner].linear;
+                touch.closing_lag = scene.closing_lag(&acceleration, &touch.normal);
             }
             let pair = scene.law.pair(a.material, b.material);
             let mut none = Memory::NONE;

@@ -91,6 +91,7 @@ impl Simulation {
         let scene = ContactScene {
             spheres: &self.particles.spheres,
             velocities: &self.particles.velocities,
+            accelerations: &self.particles.accelerations,
             law: &self.law,
             images: &self.neighborhood.images,
             timestep,

@@ -20,7 +20,7 @@ pub fn rayleigh_time(radius: f64, density: f64, shear_modulus: f64, poissons_rat
 ///
 /// m* effective mass \[kg\], R* effective radius \[m\], E* effective Young's modulus \[Pa\], v speed of approach
 /// \[m/s\]. Exactly t_c = 2 I delta_max / v with I = integral of (1 - x^(5/2))^(-1/2) over \[0, 1\] = 1.4716.
-/// Source: Hertz (1881); Johnson, Contact Mechanics (1985), section 11.4. Valid: elastic, quasi-static contact.
+/// Source: Hertz (1882); Johnson, Contact Mechanics (1985), section 11.4. Valid: elastic, quasi-static contact.
 #[must_use]
 pub fn hertz_contact_duration(
     effective_mass: f64,

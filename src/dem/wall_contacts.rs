@@ -6,7 +6,7 @@ use super::law::{Compatibility, NormalMotion};
 use super::neighbor::list::Memory;
 use super::pair_contacts;
 use super::pair_contacts::{ContactScene, SeenContact, left_in_spring};
-use super::particles::{Load, Path};
+use super::particles::{Load, Path, Sphere};
 use super::wall::{Candidate, WallPoint, Walls};
 use crate::math::Vec3;
 
@@ -41,12 +41,11 @@ pub struct WallCandidates {
 impl WallCandidates {
     /// Collects every element within `skin` [m] of the surface of the particles in `range`.
     #[must_use]
-    pub fn collect(scene: &ContactScene, walls: &Walls, range: std::ops::Range<usize>, skin: f64) -> Self {
+    pub fn collect(spheres: &[Sphere], walls: &Walls, range: std::ops::Range<usize>, skin: f64) -> Self {
         let mut result = Self::default();
         let mut found = Vec::new();
         for index in range {
-            let sphere = &scene.spheres[index];
-            found.clear();
+            let sphere = &spheres[index];
             walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
             if !found.is_empty() {
                 let from = result.candidates.len() as u32;
@@ -118,7 +117,10 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
         let old = &contacts[held..end];
         for point in &scratch.points {
             let mut memory = recall(old, &mut scratch.taken[held..end], point);
-            let touch = touch_part(scene, walls, index, point);
+            let mut touch = touch_part(scene, walls, index, point);
+            if ENERGY {
+                touch.closing_lag = scene.closing_lag(&scene.accelerations[index].linear, &touch.normal);
+            }
             let pair = scene.law.pair(scene.velocities[index].material, u32::from(walls.material(point.part)));
             let lever = wall_lever(scene, sphere.radius, point.overlap);
             let settings = &scene.law.settings;
@@ -172,7 +174,7 @@ fn recall(old: &[WallContact], taken: &mut [bool], point: &WallPoint) -> Memory 
         (0..old.len())
             .filter(|n| free(n, taken))
             .map(|n| (n, old[n].normal.dot(&point.normal)))
-            // Sliding over an edge turns the normal by less than a right angle a step; a new wall of a corner does not.
+            // Sliding over an edge turns the normal by less than 60 degrees a step; a new wall of a corner does not.
             .filter(|(_, cosine)| *cosine > 0.5)
             .max_by(|a, b| a.1.total_cmp(&b.1))
             .map(|(n, _)| n)
@@ -203,6 +205,7 @@ fn touch_part(scene: &ContactScene, walls: &Walls, index: usize, point: &WallPoi
         effective_radius: sphere.radius,
         effective_mass: 1.0 / velocity.inverse_mass,
         inverse_inertia: velocity.inverse_mass / (scene.inertia_factor * sphere.radius * sphere.radius),
+        closing_lag: 0.0,
     }
 }
 

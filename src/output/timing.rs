@@ -11,10 +11,8 @@ use std::time::{Duration, Instant};
 pub enum Phase {
     /// Neighbour search.
     Neighbour,
-    /// Contacts between particles.
+    /// Contacts between particles and with parts.
     Contacts,
-    /// Contacts with parts.
-    Walls,
     /// Motion of the particles.
     Integration,
     /// Insertion and removal.
@@ -27,8 +25,8 @@ pub enum Phase {
 
 impl Phase {
     /// All phases, in the order of a time step.
-    pub const ALL: [Self; 7] =
-        [Self::Neighbour, Self::Contacts, Self::Walls, Self::Integration, Self::Feeds, Self::Output, Self::Other];
+    pub const ALL: [Self; 6] =
+        [Self::Neighbour, Self::Contacts, Self::Integration, Self::Feeds, Self::Output, Self::Other];
 
     /// Name in tables and in `summary.json`.
     #[must_use]
@@ -36,7 +34,6 @@ impl Phase {
         match self {
             Self::Neighbour => "neighbour",
             Self::Contacts => "contacts",
-            Self::Walls => "walls",
             Self::Integration => "integration",
             Self::Feeds => "feeds",
             Self::Output => "output",

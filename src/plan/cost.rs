@@ -207,7 +207,7 @@ pub(super) fn forecast(
         feeds: supply.feeds.clone(),
         steps,
         particle_steps,
-        memory_bytes: calibration.map(|calibration| calibration.bytes_per_particle * supply.particles()),
+        memory_bytes: calibration.map(|c| c.base_bytes + c.bytes_per_particle * supply.particles()),
         wall_s: calibration.map(|calibration| particle_steps / rate(&calibration)),
         basis: format!("{}; {threads}; particles that leave counted to the end{checkpoint}", supply.dense_reason),
     }

@@ -70,6 +70,8 @@ pub struct Calibration {
     pub particle_steps_per_second_dilute: f64,
     /// Memory that one particle takes, its share of the neighbour lists included [B].
     pub bytes_per_particle: f64,
+    /// Memory of the program with the scene read and no particle [B]; 0 where the system does not tell.
+    pub base_bytes: f64,
     /// Number of threads it was measured with.
     pub threads: usize,
 }

@@ -61,16 +61,19 @@ fn slopes(scene: &Scene, result: &StageResult) -> Vec<SlopeLine> {
     lines
 }
 
+/// What the picture shows, with the measures that belong to a heap and its stream.
 fn caption(scene: &Scene, result: &StageResult, measures: &[MeasureResult]) -> String {
-    let mut text = format!("{}: {} particles at {:.3} s.", scene.name, result.particles.len(), result.time);
+    let mut parts = vec![format!("{}: {} particles at {:.3} s", scene.name, result.particles.len(), result.time)];
     for measure in measures {
-        let Some(value) = measure.value else { continue };
+        let told = scene.measures.iter().any(|asked| {
+            asked.name == measure.name
+                && matches!(asked.kind, MeasureKind::AngleOfRepose { .. } | MeasureKind::MassFlowRate { .. })
+        });
+        let (Some(value), Some(uncertainty), true) = (measure.value, measure.uncertainty, told) else { continue };
+        // Two digits of the uncertainty, and the value to the same place.
+        let places = (1.0 - uncertainty.abs().log10().floor()).clamp(0.0, 9.0) as usize;
         let name = measure.name.replace('_', " ");
-        let unit = if measure.unit == "-" { "" } else { measure.unit };
-        match measure.uncertainty {
-            Some(uncertainty) => text += &format!(" {name} {value:.4} \u{b1} {uncertainty:.2} {unit};"),
-            None => text += &format!(" {name} {value:.4} {unit};"),
-        }
+        parts.push(format!("{name} {value:.places$} \u{b1} {uncertainty:.places$} {}", measure.unit));
     }
-    text.trim_end_matches(';').to_owned()
+    parts.join("; ")
 }

@@ -37,7 +37,11 @@ pub const LINEAR: LawSettings = LawSettings { normal: NormalLaw::Linear, ..HERTZ
 
 /// Properties of a pair by restitution.
 pub fn pair(restitution: f64, sliding_friction: f64, rolling_friction: f64) -> PairProperties {
-    PairProperties { contact: PairContact::Restitution { coefficient: restitution }, sliding_friction, rolling_friction }
+    PairProperties {
+        contact: PairContact::Restitution { coefficient: restitution },
+        sliding_friction,
+        rolling_friction,
+    }
 }
 
 /// Two elastic materials with the same properties in every pair.
@@ -113,7 +117,8 @@ pub fn plane(name: &str, point: Vec3, normal: Vec3) -> Part {
 
 /// The parallelogram `corner`, `corner + a`, `corner + b` cut into `along_a` by `along_b` cells of two triangles.
 pub fn sheet(corner: Vec3, a: Vec3, b: Vec3, along_a: u32, along_b: u32) -> TriangleMesh {
-    let at = |i: u32, j: u32| corner + a * (f64::from(i) / f64::from(along_a)) + b * (f64::from(j) / f64::from(along_b));
+    let at =
+        |i: u32, j: u32| corner + a * (f64::from(i) / f64::from(along_a)) + b * (f64::from(j) / f64::from(along_b));
     let mut soup = Vec::new();
     for i in 0..along_a {
         for j in 0..along_b {
@@ -146,12 +151,20 @@ impl Draw {
 }
 
 /// Particles on a cubic lattice of spacing `pitch` from `corner`, with drawn velocities and spins.
-pub fn lattice(counts: [u64; 3], corner: Vec3, pitch: f64, radius: f64, speed: f64, draw: &mut Draw) -> Vec<ParticleState> {
+pub fn lattice(
+    counts: [u64; 3],
+    corner: Vec3,
+    pitch: f64,
+    radius: f64,
+    speed: f64,
+    draw: &mut Draw,
+) -> Vec<ParticleState> {
     let mut states = Vec::new();
     for z in 0..counts[2] {
         for y in 0..counts[1] {
             for x in 0..counts[0] {
-                let place = corner + vec3(x as f64, y as f64, z as f64) * pitch + draw.vector(0.1 * (pitch - 2.0 * radius));
+                let place =
+                    corner + vec3(x as f64, y as f64, z as f64) * pitch + draw.vector(0.1 * (pitch - 2.0 * radius));
                 let mut state = grain(states.len() as u64, radius, place, draw.vector(speed));
                 state.spin = draw.vector(speed / radius);
                 states.push(state);

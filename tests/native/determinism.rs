@@ -39,22 +39,27 @@ fn thrown(threads: usize, steps: u64) -> SimulationRecord {
     setup.threads = threads;
     let cloud = lattice([20, 20, 16], vec3(-0.095, -0.095, 0.075), 1.995 * RADIUS, RADIUS, 0.1, &mut Draw(7));
     // the corners of the lattice lie outside of the tub
-    let cloud: Vec<_> = cloud.into_iter().filter(|p| p.position.xy().norm() < 0.133).collect();
+    let mut cloud: Vec<_> = cloud.into_iter().filter(|p| p.position.xy().norm() < 0.133).collect();
+    cloud.iter_mut().for_each(|state| state.velocity.z -= 2.0);
     assert!(cloud.len() > 5000, "three chunks and more: {}", cloud.len());
     let mut simulation = with(setup, &cloud);
-    run(&mut simulation, steps);
+    let mut touched = vec![false; simulation.part_loads().len()];
+    for _ in 0..steps {
+        run(&mut simulation, 1);
+        touched.iter_mut().zip(simulation.part_loads()).for_each(|(seen, load)| *seen |= load.force != Vec3::zeros());
+    }
     let contacts = simulation.contacts().len();
-    assert!(contacts > 1500, "a bed in contact: {contacts}");
-    assert!(simulation.part_loads().iter().all(|load| load.force != Vec3::zeros()), "every part is touched");
+    assert!(contacts > 900, "a bed in contact: {contacts}");
+    assert!(touched.iter().all(|touched| *touched), "every part is touched");
     simulation.record()
 }
 
 #[test]
 fn threads_and_repetition_change_no_bit() {
-    let once = thrown(1, 400);
+    let once = thrown(1, 700);
     for threads in [1, 2, 3] {
         // not assert_eq!: nobody reads a million numbers
-        assert!(thrown(threads, 400) == once, "{threads} threads gave another result");
+        assert!(thrown(threads, 700) == once, "{threads} threads gave another result");
     }
 }
 
@@ -92,17 +97,8 @@ fn busy() -> Setup {
             },
         },
     ];
-    let mut gate = part(
-        "gate",
-        Surface::Frustum {
-            start: vec3(0.0, 0.0, 0.07),
-            end: vec3(0.0, 0.0, 0.07) + vec3(0.0, 0.0, 1e-9),
-            start_radius: 0.08,
-            end_radius: 0.0,
-        },
-        Vec::new(),
-    );
-    gate.surface = Surface::Mesh(sheet(vec3(-0.1, -0.1, 0.072), vec3(0.2, 0.0, 0.0), vec3(0.0, 0.2, 0.0), 9, 9));
+    let sheet = sheet(vec3(-0.1, -0.1, 0.072), vec3(0.2, 0.0, 0.0), vec3(0.0, 0.2, 0.0), 9, 9);
+    let mut gate = part("gate", Surface::Mesh(sheet), Vec::new());
     // rest as nobody would call it, so that it comes soon
     gate.disappears = Trigger::AtRest(AtRest { speed: 1.5, hold: 0.004, not_before: 0.0 });
     setup.parts.push(gate);
@@ -186,7 +182,10 @@ fn a_run_started_from_a_record_keeps_its_contacts() {
         assert!((a.force - b.force).norm() <= 1e-14 * a.force.norm(), "{a:?} {b:?}");
         assert!((a.point - b.point).norm() < 1e-14, "{a:?} {b:?}");
     }
-    assert!(before.iter().any(|c| (c.force - c.normal * c.force.dot(&c.normal)).norm() > 1e-2 * weight), "friction acts");
+    assert!(
+        before.iter().any(|c| (c.force - c.normal * c.force.dot(&c.normal)).norm() > 1e-2 * weight),
+        "friction acts"
+    );
     // and it goes on as if nothing had happened
     run(&mut first, 500);
     run(&mut next, 500);

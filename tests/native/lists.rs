@@ -67,7 +67,8 @@ fn gas(sizes: f64, skin: f64, speed: f64, seed: u64, periodic: [bool; 3], thread
     for _ in 0..4000 {
         let radius = RADIUS * sizes.powf(-draw.uniform().powf(0.3));
         let place = Vec3::repeat(0.5 * edge) + draw.vector(0.5 * edge - radius);
-        let near_part = (place.x - 0.045).abs() < radius + 1e-3 || (place - Vec3::repeat(0.03)).xy().norm() < radius + 0.011;
+        let near_part =
+            (place.x - 0.045).abs() < radius + 1e-3 || (place - Vec3::repeat(0.03)).xy().norm() < radius + 0.011;
         let free = states.iter().all(|other| (other.position - place).norm() > other.radius + radius);
         if free && !near_part && states.len() < 250 {
             states.push(grain(states.len() as u64, radius, place, draw.vector(speed)));

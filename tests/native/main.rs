@@ -2,10 +2,11 @@
 //! prescribed particles, the watchdog. One target, so that it is linked once.
 
 mod common;
+mod cost;
 mod determinism;
 mod domain;
 mod energy;
 mod lists;
 mod prescribed;
-mod watchdog;
 mod walls;
+mod watchdog;

@@ -108,7 +108,9 @@ fn release_goes_on_as_a_free_particle_and_keeps_the_books() {
     run(&mut simulation, 500);
     let start = simulation.energy().sum();
     let chosen: Vec<_> = cloud.iter().map(|state| state.id).step_by(3).collect();
-    for (round, path) in [Path::Constant, Path::Free, Path::Ballistic, Path::Constant, Path::Free].into_iter().enumerate() {
+    for (round, path) in
+        [Path::Constant, Path::Free, Path::Ballistic, Path::Constant, Path::Free].into_iter().enumerate()
+    {
         let sum = simulation.energy().sum();
         for id in &chosen {
             simulation.prescribe(*id, path);

@@ -128,7 +128,8 @@ fn a_corner_is_two_contacts_however_its_walls_are_cut() {
     let run_into = |cells: u32| {
         let mut setup = empty(RADIUS, HERTZ, pair(0.5, 0.4, 0.0));
         setup.gravity = gravity();
-        setup.parts = vec![part("box", Surface::Mesh(open_box(vec3(-0.1, -0.1, 0.0), vec3(0.1, 0.1, 0.1), cells)), Vec::new())];
+        setup.parts =
+            vec![part("box", Surface::Mesh(open_box(vec3(-0.1, -0.1, 0.0), vec3(0.1, 0.1, 0.1), cells)), Vec::new())];
         let mut simulation = with(setup, &[grain(0, RADIUS, vec3(0.05, 0.013, 0.999 * RADIUS), vec3(0.6, 0.1, 0.0))]);
         let mut states = Vec::new();
         let mut most = 0;

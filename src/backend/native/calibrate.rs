@@ -5,6 +5,7 @@ use crate::dem::neighbor::list::{Candidate, Memory};
 use crate::dem::particles::{Acceleration, Load, Sphere, Velocity};
 use crate::dem::simulation::{Setup, Simulation};
 use crate::math::{Bounds, Vec3, vec3};
+use crate::output::timing::ProcessUse;
 use crate::particle::{ParticleId, ParticleState};
 use crate::plan::{Calibration, Plan};
 use crate::scene::Scene;
@@ -24,6 +25,7 @@ const INNER_PAIRS: f64 = 2.9;
 pub fn calibrate(scene: &Scene, plan: &Plan, threads: usize) -> Option<Calibration> {
     let class = scene.classes.first()?;
     let density = scene.materials.materials[usize::from(class.material)].density?;
+    let base_bytes = ProcessUse::now().peak_memory_bytes.map_or(0.0, |bytes| bytes as f64);
     let sphere = ParticleState {
         id: ParticleId::new(0, 0),
         material: class.material,
@@ -39,6 +41,7 @@ pub fn calibrate(scene: &Scene, plan: &Plan, threads: usize) -> Option<Calibrati
         particle_steps_per_second_dense: rate(0.999),
         particle_steps_per_second_dilute: rate(2.5),
         bytes_per_particle: bytes_per_particle(),
+        base_bytes,
         threads,
     })
 }

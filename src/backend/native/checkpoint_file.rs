@@ -36,7 +36,6 @@ impl CheckpointFile {
         writer.attribute("time_s", simulation.time());
         let setup = simulation.setup();
         writer.attribute("body", body_text(setup));
-        writer.attribute("materials", serde_json::to_string(&material_names(setup)).expect("names become JSON"));
         for (name, column) in &record.reals {
             writer.column(name, column.as_slice());
         }
@@ -63,7 +62,7 @@ impl CheckpointFile {
     }
 }
 
-/// The record in the checkpoint file of another run, for a start under `setup`: materials go by their names.
+/// The record in the checkpoint file of another run, for a start under `setup`.
 pub fn record_for_start(path: &Path, setup: &Setup) -> Result<SimulationRecord, BackendError> {
     let reader = ColumnReader::open(path, KIND)?;
     let refuse = |reason: String| BackendError::Checkpoint(format!("cannot start from {}: {reason}", path.display()));
@@ -72,26 +71,7 @@ pub fn record_for_start(path: &Path, setup: &Setup) -> Result<SimulationRecord, 
         let wanted = body_text(setup);
         return Err(refuse(format!("its particles are {body}, and those of this scene are {wanted}")));
     }
-    let names: Vec<String> =
-        serde_json::from_str(reader.attribute_text("materials")?).map_err(|error| refuse(error.to_string()))?;
-    let own = material_names(setup);
-    let mut record = record_of(&reader)?;
-    for (_, column) in record.integers.iter_mut().filter(|(name, _)| *name == "material") {
-        for index in column {
-            let name = usize::try_from(*index).ok().and_then(|index| names.get(index));
-            let name = name.ok_or_else(|| refuse("a particle has a material that it does not name".to_owned()))?;
-            let found = own.iter().position(|own| own == name);
-            let next = "give the scene a [material] of this name";
-            *index = found
-                .ok_or_else(|| refuse(format!("its particles are of '{name}', which is no material here; {next}")))?
-                as u64;
-        }
-    }
-    Ok(record)
-}
-
-fn material_names(setup: &Setup) -> Vec<&str> {
-    setup.materials.materials.iter().map(|material| material.name.as_str()).collect()
+    Ok(record_of(&reader)?)
 }
 
 fn body_text(setup: &Setup) -> String {

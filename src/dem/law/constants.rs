@@ -1,8 +1,8 @@
 //! Constants of each pair of materials, prepared once for the contact laws.
 
 use super::{LawSettings, NormalLaw};
+use crate::dem::timescale::damping_ratio;
 use crate::material::{MaterialTable, PairContact, PairProperties};
-use std::f64::consts::PI;
 
 /// Constants of one pair of materials.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,14 +32,6 @@ pub struct DirectStiffness {
     pub normal_damping: f64,
     /// eta_t [kg/s].
     pub tangential_damping: f64,
-}
-
-/// Damping factor of a coefficient of restitution, beta = -ln e / sqrt(pi^2 + ln^2 e)   [-]
-/// Source: Tsuji, Tanaka & Ishida (1992); Antypov & Elliott (2011). Valid: 0 < e <= 1, attraction allowed near separation.
-#[must_use]
-pub fn damping_factor(restitution: f64) -> f64 {
-    let logarithm = restitution.ln();
-    -logarithm / (PI * PI + logarithm * logarithm).sqrt()
 }
 
 impl PairConstants {
@@ -72,7 +64,7 @@ impl PairConstants {
             PairContact::Restitution { coefficient } => Self {
                 effective_youngs_modulus: youngs,
                 effective_shear_modulus: shear,
-                damping_factor: damping_factor(coefficient),
+                damping_factor: damping_ratio(coefficient),
                 ..common
             },
             PairContact::Stiffness { normal_stiffness, tangential_stiffness, normal_damping, tangential_damping } => {

@@ -10,7 +10,7 @@ const SQRT_FIVE_SIXTHS: f64 = 0.912_870_929_175_276_9;
 /// tangential stiffness k_t = 8 G* sqrt(R* d), gamma_t likewise with k_t for S_n.
 ///
 /// E* effective Young's modulus [Pa], G* effective shear modulus [Pa], R* effective radius [m], m* effective mass [kg],
-/// d overlap [m], beta damping factor [-] ([`super::constants::damping_factor`]).
+/// d overlap [m], beta damping factor [-] ([`crate::dem::timescale::damping_ratio`]).
 /// Source: Hertz (1882); Mindlin (1949); Tsuji, Tanaka & Ishida (1992); Antypov & Elliott (2011).
 /// Valid: dry elastic spheres, d much smaller than R*. Rival conventions: 4/3 E* sqrt(R* d) is the secant stiffness; the
 /// tangent one is S_n, 3/2 of it.
@@ -31,6 +31,7 @@ pub fn normal_force(pair: &PairConstants, motion: &NormalMotion) -> NormalForce 
         elastic_energy: 0.4 * elastic * motion.overlap,
         // k_t grows with the root of the overlap: d(ln k_t)/dt = 1/2 d(ln delta)/dt.
         stiffness_growth: 0.5 * motion.closing_speed / motion.overlap,
+        growth_by_overlap: 0.5 / motion.overlap,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::constants::PairConstants;
 use super::{Compatibility, LawSettings, NormalForce, NormalMotion};
-use std::f64::consts::PI;
+use crate::dem::timescale::linear_stiffness;
 
 /// Elastic force F = K_n d, dashpot eta_n on the closing speed; constants given directly, or from E*, G* and e.
 ///
@@ -28,14 +28,15 @@ pub fn normal_force(settings: &LawSettings, pair: &PairConstants, motion: &Norma
         tangential_damping,
         elastic_energy: 0.5 * elastic * motion.overlap,
         stiffness_growth: 0.0,
+        growth_by_overlap: 0.0,
     }
 }
 
 fn derived(settings: &LawSettings, pair: &PairConstants, motion: &NormalMotion) -> (f64, f64, f64, f64) {
-    let stiffness = stiffness_from_modulus(
-        pair.effective_youngs_modulus,
-        motion.effective_radius,
+    let stiffness = linear_stiffness(
         motion.effective_mass,
+        motion.effective_radius,
+        pair.effective_youngs_modulus,
         settings.characteristic_velocity,
     );
     // 4 m* k / (1 + (pi / ln e)^2) = (2 beta)^2 m* k
@@ -48,20 +49,6 @@ fn derived(settings: &LawSettings, pair: &PairConstants, motion: &NormalMotion) 
     (stiffness, tangential, damping, tangential_damping)
 }
 
-/// K_n = 16/15 sqrt(R*) E* (15 m* v_c^2 / (16 sqrt(R*) E*))^(1/5)   [N/m]; symbols, source and validity as for [`normal_force`].
-#[must_use]
-pub fn stiffness_from_modulus(effective_youngs_modulus: f64, radius: f64, mass: f64, velocity: f64) -> f64 {
-    let root = radius.sqrt() * effective_youngs_modulus;
-    16.0 / 15.0 * root * (15.0 * mass * velocity * velocity / (16.0 * root)).powf(0.2)
-}
-
-/// Contact duration t_c = pi / sqrt(K/m* - (eta / 2 m*)^2)   [s] of the linear law without the no-attraction cut-off.
-/// K normal stiffness [N/m], eta normal damping [kg/s], m* effective mass [kg]. Valid below critical damping (else infinite).
-#[must_use]
-pub fn contact_duration(stiffness: f64, damping: f64, mass: f64) -> f64 {
-    PI / (stiffness / mass - (damping / (2.0 * mass)).powi(2)).max(0.0).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,7 +59,7 @@ mod tests {
         // At v_c the linear spring takes up the kinetic energy at d = v sqrt(m/k); Hertz at d = (15 m v^2 / (16 E sqrt R))^(2/5).
         // The formula sets k so that both are equal.
         let (youngs, radius, mass, velocity): (f64, f64, f64, f64) = (2.0e7, 2e-3, 5e-5, 1.3);
-        let stiffness = stiffness_from_modulus(youngs, radius, mass, velocity);
+        let stiffness = linear_stiffness(mass, radius, youngs, velocity);
         let linear = velocity * (mass / stiffness).sqrt();
         let hertz = (15.0 * mass * velocity.powi(2) / (16.0 * youngs * radius.sqrt())).powf(0.4);
         assert_relative_eq!(linear, hertz, max_relative = 1e-12);

@@ -98,6 +98,8 @@ pub struct NormalForce {
     pub elastic_energy: f64,
     /// d(ln k_t)/dt [1/s].
     pub stiffness_growth: f64,
+    /// d(ln k_t)/d(delta_n) [1/m].
+    pub growth_by_overlap: f64,
 }
 
 impl LawSettings {

@@ -72,8 +72,13 @@ pub fn tangential_force<const ENERGY: bool>(
         let spring = kept * spring_factor;
         // Exact work of a spring kept half a step ahead: see docs/theory/energy.md.
         result.slip = spring.dot(&slip) + 0.5 * stiffness * slip.dot(&(slip - slip_velocity * timestep));
-        result.dashpot =
-            if ours || ratio == 1.0 { ratio * damping * slip_velocity.norm_squared() * timestep } else { 0.0 };
+        let viscous = damping * slip_velocity.norm_squared() * timestep;
+        if ratio == 1.0 {
+            result.dashpot = viscous;
+        } else if ours {
+            // While it slides, all that the limited force takes is wear.
+            result.slip += ratio * viscous;
+        }
         // What the spring held as the step began changed its energy with the stiffness: k_t before over k_t now.
         let before = (1.0 - 2.0 * normal.stiffness_growth * timestep).max(0.0).sqrt();
         let energy = 0.5 * spring_factor * compliance * memory.norm_squared();
@@ -94,8 +99,8 @@ fn length_restored(before: &Vec3, after: &Vec3) -> f64 {
     if square > 0.0 { 1.0 + 0.5 * (before.norm_squared() - square).min(square) / square } else { 1.0 }
 }
 
-/// Elastic energy of the tangential spring [J], given what [`tangential_force`] keeps (half a step ahead; the difference is of
-/// the order of the time step and vanishes at rest).
+/// Elastic energy of a tangential spring [J]: at the full step where `history` comes from
+/// [`crate::dem::contact::present_memory`]; what [`tangential_force`] keeps runs half a time step ahead.
 #[inline(always)]
 #[must_use]
 pub fn tangential_energy(settings: &LawSettings, stiffness: f64, history: &Vec3) -> f64 {

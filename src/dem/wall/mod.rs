@@ -325,14 +325,8 @@ impl Shape {
 fn touch_plane(point: &Vec3, normal: &Vec3, centre: &Vec3, radius: f64) -> Option<WallPoint> {
     let height = normal.dot(&(centre - point));
     let overlap = radius - height;
-    let touch = || WallPoint {
-        part: 0,
-        element: 0,
-        point: centre - normal * height,
-        normal: -normal,
-        overlap,
-        on_face: true,
-    };
+    let touch =
+        || WallPoint { part: 0, element: 0, point: centre - normal * height, normal: -normal, overlap, on_face: true };
     (overlap > 0.0).then(touch)
 }
 

@@ -104,7 +104,7 @@ fn write_row(out: &mut impl Write, particle: &ParticleState, force: &Vec3, body:
     let ParticleState { id, material, radius, density, position, velocity, spin } = particle;
     write!(out, "{} {}", id.0, u32::from(*material) + 1)?;
     write_vector(out, position)?;
-    // Positions are written where they are, so no image is ever left out of account.
+    // Images are not counted: periodic positions are wrapped into the domain.
     out.write_all(b" 0 0 0")?;
     write_vector(out, velocity)?;
     write_vector(out, force)?;

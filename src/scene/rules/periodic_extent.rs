@@ -1,5 +1,5 @@
 //! `periodic-extent` (error): along a periodic axis the domain is a physical length, so it must be given, and it must
-//! hold two of the largest particles, or one would touch another from both sides.
+//! hold three of the largest particles, or one could be a neighbour of another from both sides.
 
 use super::{Subject, join, mm};
 use crate::particle::Body;
@@ -24,10 +24,11 @@ pub(super) fn check(subject: &Subject<'_>) {
         } else {
             let bounds = subject.domain.bounds;
             let length = bounds.maximum[axis] - bounds.minimum[axis];
-            if length > 0.0 && length < 2.0 * subject.largest {
+            if length > 0.0 && length < 3.0 * subject.largest {
                 let (length, largest) = (mm(length), mm(subject.largest));
-                let what =
-                    format!("the period along {name} ({length}) is less than two of the largest particle ({largest})");
+                let what = format!(
+                    "the period along {name} ({length}) is less than three of the largest particle ({largest})"
+                );
                 subject.error("periodic-extent", &path, what, "enlarge the domain");
             }
         }
