@@ -44,7 +44,7 @@ struct SceneArguments {
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_and_value)]
     settings: Vec<(String, String)>,
     /// Seed of every random draw
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Force a model on or off; may be repeated
     #[arg(long = "model", value_name = "NAME=on|off", value_parser = model_and_state)]

@@ -86,9 +86,9 @@ pub struct StageSummary {
     pub timestep_s: f64,
     /// Particles at the end.
     pub particles: u64,
-    /// Wall time [s].
+    /// Wall time [s] of the process that ended the run; what was done before a resume is not in it.
     pub wall_s: f64,
-    /// Processor time of all threads [s]; null where the system does not tell.
+    /// Processor time of all threads of that process [s]; null where the system does not tell.
     pub cpu_s: Option<f64>,
     /// Particles times steps per second of wall time [1/s].
     pub particle_steps_per_s: f64,

@@ -18,7 +18,8 @@ use std::path::Path;
 
 /// What the user is warned of before the run, in words.
 pub fn warnings(findings: &[Finding], plan: &Plan) -> Vec<String> {
-    let of_scene = findings.iter().map(|f| format!("{}:{}: {}; {}", f.file, f.line, f.what, f.next));
+    let place = |f: &Finding| if f.line > 0 { format!("{}:{}", f.file, f.line) } else { f.file.clone() };
+    let of_scene = findings.iter().map(|f| format!("{}: {}; {}", place(f), f.what, f.next));
     of_scene.chain(plan.findings.iter().map(|finding| finding.text.clone())).collect()
 }
 

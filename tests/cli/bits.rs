@@ -1,6 +1,6 @@
 //! The same bits whatever the number of threads, and however often a run is killed, interrupted and resumed.
 
-use super::common::{Answer, Bench, Frame, assert_same, interrupt};
+use super::common::{Answer, BEADS, Bench, FLOOR, Frame, assert_same, interrupt};
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::OnceLock;
@@ -181,4 +181,31 @@ fn an_interrupted_run_says_so_and_goes_on_to_the_same_end() {
     }
     bench.run("a", &["--resume"]);
     assert_same(undisturbed(), &bench.result("a"));
+}
+
+/// What a checkpoint holds beside a bed of particles: images beyond a border, the place of a moving part, a spin in the plane,
+/// how long particles have been slow, feeds between two insertions.
+#[test]
+fn every_kind_of_scene_resumes_to_the_bit() {
+    let output =
+        "[output]\nseries = \"1 ms\"\nformats = [\"vtp\", \"lammps\"]\nframes = \"9 ms\"\ncheckpoints = \"5 ms\"\n";
+    let end = "[end]\ntime = \"0.2 s\"\nat_rest = { speed = \"1 m/s\", hold = \"0.15 s\" }\n";
+    let periodic = FLOOR.replace("100]", "100]\nboundary = { x = \"periodic\", y = \"periodic\" }");
+    let moved = "motion = [{ kind = \"oscillate\", amplitude_mm = [0, 0, 1], frequency = \"20 Hz\" }, { kind = \"conveyor\", velocity_m_per_s = [0.3, 0, 0] }]\n";
+    let turns = BEADS.replace("amount = 60", "amount = 400\ninterval = \"13 ms\"\nuntil = \"100 ms\"");
+    let plane = "dimensions = 2\nthickness_mm = 5\n";
+    let linear = "\"linear\"\ncharacteristic_velocity = \"1 m/s\"";
+    for (name, sections, top, law) in [
+        ("periodic", [&periodic, BEADS], "gravity_m_per_s2 = [30, -20, -9.81]\n", "\"hertz-mindlin\""),
+        ("moved", [&format!("{FLOOR}{moved}"), BEADS], "", "\"hertz-mindlin\""),
+        ("turns", [FLOOR, &turns], "", "\"hertz-mindlin\""),
+        ("plane", [FLOOR, BEADS], plane, linear),
+    ] {
+        let bench = Bench::with(&[sections[0], sections[1], end, output]);
+        let text = bench.text("scene.toml").replace("\"hertz-mindlin\"", law);
+        fs::write(bench.path("scene.toml"), format!("{top}{text}")).unwrap();
+        bench.run("whole", &[]);
+        bench.run_killed("killed", seeded(name.len() as u64, 1, 60)[0] + 10);
+        assert_same(&bench.result("whole"), &bench.result("killed"));
+    }
 }

@@ -146,6 +146,25 @@ impl Bench {
         true
     }
 
+    /// Runs `scene.toml` into `out`, killed at a row of its series, and resumed.
+    ///
+    /// # Panics
+    /// Where no attempt could be killed in time.
+    pub fn run_killed(&self, out: &str, row: usize) {
+        for _ in 0..5 {
+            let mut child = self.start(&["run", "scene.toml", "--threads", "2", "--out", out]);
+            let going = self.wait_for_rows(&mut child, out, row);
+            child.kill().unwrap();
+            child.wait().unwrap();
+            if going && !self.path(out).join("summary.json").exists() {
+                self.run(out, &["--resume"]);
+                return;
+            }
+            fs::remove_dir_all(self.path(out)).unwrap();
+        }
+        panic!("every attempt ended before row {row}");
+    }
+
     pub fn summary(&self, out: &str) -> Summary {
         Summary(serde_json::from_str(&self.text(&format!("{out}/summary.json"))).unwrap())
     }

@@ -136,6 +136,10 @@ fn damaged_edited_and_foreign_checkpoints_are_refused() {
     refused(&edited, &["header was edited or damaged"]);
     refused(&bench.bytes("other/state.checkpoint"), &["another scene"]);
     fs::write(bench.path("a/state.checkpoint"), &whole).unwrap();
+    let record = bench.bytes("a/run.json");
+    fs::write(bench.path("a/run.json"), &record[..record.len() / 2]).unwrap();
+    bench.tollgate(&["run", "scene.toml", "--out", "a", "--resume"]).refused(2, &["run.json is damaged", "--out"]);
+    fs::write(bench.path("a/run.json"), &record).unwrap();
     bench.run("a", &["--resume"]);
     bench.run("fresh", &[]);
     assert_same(&bench.result("fresh"), &bench.result("a"));

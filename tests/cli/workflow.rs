@@ -84,6 +84,13 @@ fn a_dry_run_writes_nothing_and_json_prints_nothing_else() {
     let printed: Value = serde_json::from_str(&first.out).unwrap();
     assert_eq!(printed, bench.summary("a").0);
     assert!(first.err.is_empty(), "{first:?}");
+    // Off a terminal progress is told only when asked for, in plain lines, and not on stdout.
+    let quiet = bench.tollgate(&["run", "scene.toml", "--out", "quiet"]);
+    assert!(!quiet.err.contains("eta"), "{quiet:?}");
+    let verbose = bench.tollgate(&["run", "scene.toml", "--out", "verbose", "--verbose"]);
+    let told: Vec<&str> = verbose.err.lines().filter(|line| line.contains("eta")).collect();
+    assert!(told.last().unwrap().contains("(100.0 %), 60 particles"), "{verbose:?}");
+    assert!(!verbose.out.contains("eta") && !verbose.err.contains('\u{1b}'), "{verbose:?}");
     let again = bench.tollgate(&["run", "scene.toml", "--json", "--out", "a"]);
     assert_eq!(again.out, first.out);
 }

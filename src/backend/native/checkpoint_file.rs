@@ -6,6 +6,7 @@ use crate::dem::checkpoint::{INTEGER_COLUMNS, REAL_COLUMNS, SimulationRecord};
 use crate::dem::simulation::{Setup, Simulation};
 use crate::output::OutputError;
 use crate::output::columns::{ColumnReader, ColumnWriter};
+use crate::particle::Body;
 use std::path::{Path, PathBuf};
 
 /// Kind of column file.
@@ -33,6 +34,8 @@ impl CheckpointFile {
         writer.attribute("progress", record.progress.as_str());
         writer.attribute("end_watch", end);
         writer.attribute("time_s", simulation.time());
+        let setup = simulation.setup();
+        writer.attribute("body", body_text(setup));
         for (name, column) in &record.reals {
             writer.column(name, column.as_slice());
         }
@@ -59,9 +62,23 @@ impl CheckpointFile {
     }
 }
 
-/// The record in a checkpoint file, of whatever run.
-pub fn read_record(path: &Path) -> Result<SimulationRecord, OutputError> {
-    record_of(&ColumnReader::open(path, KIND)?)
+/// The record in the checkpoint file of another run, for a start under `setup`.
+pub fn record_for_start(path: &Path, setup: &Setup) -> Result<SimulationRecord, BackendError> {
+    let reader = ColumnReader::open(path, KIND)?;
+    let refuse = |reason: String| BackendError::Checkpoint(format!("cannot start from {}: {reason}", path.display()));
+    let body = reader.attribute_text("body")?;
+    if body != body_text(setup) {
+        let wanted = body_text(setup);
+        return Err(refuse(format!("its particles are {body}, and those of this scene are {wanted}")));
+    }
+    Ok(record_of(&reader)?)
+}
+
+fn body_text(setup: &Setup) -> String {
+    match setup.body {
+        Body::Sphere => "spheres".to_owned(),
+        Body::Disc { thickness } => format!("discs of {thickness:?} m"),
+    }
 }
 
 fn record_of(reader: &ColumnReader) -> Result<SimulationRecord, OutputError> {

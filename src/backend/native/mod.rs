@@ -140,7 +140,7 @@ fn start(scene: &Scene, setup: Setup) -> Result<Simulation, BackendError> {
     match &scene.start_checkpoint {
         None => Ok(Simulation::new(setup)),
         Some(path) => {
-            let record = checkpoint_file::read_record(path)?;
+            let record = checkpoint_file::record_for_start(path, &setup)?;
             let refuse = |error| BackendError::Checkpoint(format!("cannot start from {}: {error}", path.display()));
             Simulation::start_from(setup, &record).map_err(refuse)
         }
