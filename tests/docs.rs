@@ -225,7 +225,8 @@ fn the_page_of_formats_knows_everything_that_is_written() {
 fn written(out: &Path) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     let plain = |name: &str| {
-        let named = Regex::new("^container").unwrap().replace(name, "PART").into_owned();
+        let numbered = Regex::new("^0_container").unwrap().replace(name, "INDEX_PART").into_owned();
+        let named = Regex::new("^container").unwrap().replace(&numbered, "PART").into_owned();
         Regex::new("[0-9]{6,}").unwrap().replace(&named, "NNNNNN").into_owned()
     };
     for (folder, prefix) in [(out.to_path_buf(), ""), (out.join("frames"), "frames/")] {

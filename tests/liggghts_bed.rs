@@ -108,6 +108,14 @@ fn twenty_thousand_spheres() {
     comparison.check();
 }
 
+#[test]
+#[ignore = "minutes of both codes; run by ./validate with the kicked runs"]
+fn hundred_thousand_spheres() {
+    let comparison = compare(Bed::HUNDRED_THOUSAND, false);
+    println!("{}", comparison.table());
+    comparison.check();
+}
+
 /// The long version, with the scatter of kicked runs.
 #[test]
 #[ignore = "many minutes; run by ./validate"]
