@@ -1,6 +1,6 @@
 //! The native DEM solver.
 //!
-//! [`simulation`] holds the state and the order of a time step; [`step`] moves particles; [`pair_contacts`] and
+//! [`simulation`] holds the state and the order of a time step; `step` moves particles; [`pair_contacts`] and
 //! [`wall_contacts`] find forces through [`contact`] and the laws in [`law`]; [`neighborhood`] knows who is near whom.
 
 pub mod checkpoint;
