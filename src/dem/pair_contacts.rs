@@ -35,8 +35,14 @@ impl ContactScene<'_> {
     #[inline(always)]
     #[must_use]
     pub fn touch(&self, index: usize, candidate: Candidate) -> Option<(Touch, [f64; 2])> {
+        self.touch_from(&self.spheres[index], &self.velocities[index], candidate)
+    }
+
+    /// As [`ContactScene::touch`], for a particle whose records the caller holds.
+    #[inline(always)]
+    fn touch_from(&self, i: &Sphere, a: &Velocity, candidate: Candidate) -> Option<(Touch, [f64; 2])> {
         let partner = candidate.partner as usize;
-        let (i, j) = (&self.spheres[index], &self.spheres[partner]);
+        let j = &self.spheres[partner];
         let mut branch = j.position() - i.position();
         if candidate.image != NO_IMAGE {
             branch += self.images.offset(candidate.image);
@@ -49,7 +55,7 @@ impl ContactScene<'_> {
         let distance = square.sqrt();
         let normal = branch * (1.0 / distance);
         let overlap = sum - distance;
-        let (a, b) = (&self.velocities[index], &self.velocities[partner]);
+        let b = &self.velocities[partner];
         let levers = [i.radius - 0.5 * overlap, j.radius - 0.5 * overlap];
         let (spin_a, spin_b) = (Vec3::from(a.angular), Vec3::from(b.angular));
         let inverse =
@@ -78,11 +84,6 @@ impl ContactScene<'_> {
             Compatibility::Liggghts => 0.0,
         }
     }
-
-    #[inline(always)]
-    fn is_deep(&self, index: usize, partner: usize, overlap: f64) -> bool {
-        overlap > self.overlap_limit * self.spheres[index].radius.min(self.spheres[partner].radius)
-    }
 }
 
 /// Adds the loads of a chunk's pairs. `first` is the chunk's first particle, `loads` its particles' loads. With `BOTH` the
@@ -97,27 +98,31 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
 ) {
     let remembers = FRICTION || ROLLING;
     let share = if BOTH { 1.0 } else { 0.5 };
+    // Copies: what is written below could otherwise change them, as far as the compiler knows.
+    let (settings, single) = (scene.law.settings, scene.law.single_pair());
     for row in 0..loads.len() {
         let index = first + row;
         let mut own = Load::ZERO;
+        let (sphere, a) = (scene.spheres[index], scene.velocities[index]);
         for entry in list.row(row) {
             let candidate = list.candidates[entry];
             let partner = candidate.partner as usize;
-            let Some((mut touch, levers)) = scene.touch(index, candidate) else {
+            let Some((mut touch, levers)) = scene.touch_from(&sphere, &a, candidate) else {
                 if remembers {
                     forget::<ENERGY>(scene, index, partner, &mut list.memory[entry], tally, share);
                 }
                 continue;
             };
-            let (a, b) = (&scene.velocities[index], &scene.velocities[partner]);
+            let b = &scene.velocities[partner];
             if a.path != Path::Free && b.path != Path::Free {
                 if remembers {
                     list.memory[entry] = Memory::NONE;
                 }
                 continue;
             }
-            if scene.is_deep(index, partner, touch.overlap) {
-                let ratio = touch.overlap / scene.spheres[index].radius.min(scene.spheres[partner].radius);
+            let smaller_radius = levers[0].min(levers[1]) + 0.5 * touch.overlap;
+            if touch.overlap > scene.overlap_limit * smaller_radius {
+                let ratio = touch.overlap / smaller_radius;
                 let deep = DeepContact { particle: index as u32, partner: Some(candidate.partner), part: None, ratio };
                 tally.note_deep(deep);
             }
@@ -125,12 +130,11 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
                 let acceleration = scene.accelerations[index].linear - scene.accelerations[partner].linear;
                 touch.closing_lag = scene.closing_lag(&acceleration, &touch.normal);
             }
-            let pair = scene.law.pair(a.material, b.material);
+            let pair = single.as_ref().unwrap_or_else(|| scene.law.pair(a.material, b.material));
             let mut none = Memory::NONE;
             let memory = if remembers { &mut list.memory[entry] } else { &mut none };
-            let settings = &scene.law.settings;
             let result: Answer =
-                answer::<FRICTION, ROLLING, ENERGY>(settings, pair, &touch, scene.timestep, memory, tally, share);
+                answer::<FRICTION, ROLLING, ENERGY>(&settings, pair, &touch, scene.timestep, memory, tally, share);
             own.force += result.force;
             if ENERGY {
                 let spring = touch.normal * result.normal.elastic;
