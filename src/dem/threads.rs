@@ -19,12 +19,6 @@ impl Threads {
         Self { pool: (count > 1).then(build) }
     }
 
-    /// Number of threads.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
-    }
-
     /// `work(0)`, `work(1)`, ... `work(count - 1)`, in the order of the numbers.
     pub fn map<R: Send>(&self, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
         match &self.pool {
