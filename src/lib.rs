@@ -9,6 +9,7 @@ pub mod exit_code;
 
 pub mod analysis;
 pub mod backend;
+pub mod gate;
 pub mod output;
 pub mod plan;
 pub mod report;
@@ -22,3 +23,4 @@ pub mod geometry;
 pub mod material;
 pub mod math;
 pub mod particle;
+pub mod storage;

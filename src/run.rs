@@ -7,12 +7,12 @@ mod summary;
 use crate::analysis::{MeasureResult, Observed, evaluate};
 use crate::backend::{BackendError, native};
 use crate::exit_code;
-use crate::output::OutputError;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
 use crate::plan::{Plan, plan};
 use crate::scene::{self, Finding, Scene};
 use crate::stage::key::{Choices, StageKey};
+use crate::storage::StorageError;
 use folder::RunFolder;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -85,8 +85,8 @@ impl From<BackendError> for RunError {
     }
 }
 
-impl From<OutputError> for RunError {
-    fn from(error: OutputError) -> Self {
+impl From<StorageError> for RunError {
+    fn from(error: StorageError) -> Self {
         Self::Backend(BackendError::Output(error))
     }
 }
@@ -164,7 +164,7 @@ fn stage_key(scene: &Scene, plan: &Plan) -> Result<StageKey, RunError> {
     Ok(StageKey::new(scene, &choices))
 }
 
-fn measured(scene: &Scene, result: &native::StageResult, folder: &Path) -> Result<Vec<MeasureResult>, OutputError> {
+fn measured(scene: &Scene, result: &native::StageResult, folder: &Path) -> Result<Vec<MeasureResult>, StorageError> {
     let mass_series = summary::mass_series(scene, folder)?;
     let observed = Observed {
         body: scene.body,

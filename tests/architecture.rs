@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Rooms from top to bottom; a room may import the rooms of lower rows. Its own row only where [`BESIDE`] says so.
-const ROOMS: [&[&str]; 16] = [
+const ROOMS: [&[&str]; 17] = [
     &["main", "cli"],
     &["campaign"],
     &["run"],
@@ -23,6 +23,7 @@ const ROOMS: [&[&str]; 16] = [
     &["scene"],
     &["dem", "breakage"],
     &["shape"],
+    &["storage"],
     &["geometry"],
     &["particle", "material", "units", "math", "exit_code"],
 ];

@@ -3,7 +3,7 @@
 pub mod native;
 
 use crate::exit_code;
-use crate::output::OutputError;
+use crate::storage::StorageError;
 
 /// Why a stage was not computed to its end.
 #[derive(Debug)]
@@ -18,7 +18,7 @@ pub enum BackendError {
         steps: u64,
     },
     /// The disk or system refused, or a file that should be continued cannot be used.
-    Output(OutputError),
+    Output(StorageError),
     /// A checkpoint does not fit what is asked of it.
     Checkpoint(String),
 }
@@ -47,8 +47,8 @@ impl std::fmt::Display for BackendError {
 
 impl std::error::Error for BackendError {}
 
-impl From<OutputError> for BackendError {
-    fn from(error: OutputError) -> Self {
+impl From<StorageError> for BackendError {
+    fn from(error: StorageError) -> Self {
         Self::Output(error)
     }
 }

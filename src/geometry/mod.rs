@@ -5,6 +5,7 @@ pub mod inspection;
 pub mod mesh;
 pub mod motion;
 pub mod part;
+pub mod plane;
 pub mod solid;
 pub mod stl;
 pub mod tree;

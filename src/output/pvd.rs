@@ -2,9 +2,9 @@
 //!
 //! The collection is written anew after every frame (staging name, then rename), so it is complete at any moment.
 
-use super::OutputError;
-use super::staging::write_whole;
 use super::vtp::escape;
+use crate::storage::StorageError;
+use crate::storage::staging::write_whole;
 use regex::Regex;
 use std::fmt::Write as _;
 use std::fs;
@@ -35,7 +35,7 @@ impl Collection {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn create(path: &Path) -> Result<Self, OutputError> {
+    pub fn create(path: &Path) -> Result<Self, StorageError> {
         let collection = Self { path: path.to_path_buf(), entries: Vec::new() };
         collection.write()?;
         Ok(collection)
@@ -45,9 +45,9 @@ impl Collection {
     ///
     /// # Errors
     /// When the file cannot be read, or was not written by this program.
-    pub fn resume(path: &Path, time: f64) -> Result<Self, OutputError> {
-        let text = fs::read_to_string(path).map_err(|source| OutputError::system("read", path, source))?;
-        let mut entries = parse(&text).map_err(|reason| OutputError::unusable(path, reason))?;
+    pub fn resume(path: &Path, time: f64) -> Result<Self, StorageError> {
+        let text = fs::read_to_string(path).map_err(|source| StorageError::system("read", path, source))?;
+        let mut entries = parse(&text).map_err(|reason| StorageError::unusable(path, reason))?;
         entries.retain(|entry| entry.time <= time);
         let collection = Self { path: path.to_path_buf(), entries };
         collection.write()?;
@@ -59,7 +59,7 @@ impl Collection {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn add_frame(&mut self, frame: Vec<Entry>) -> Result<(), OutputError> {
+    pub fn add_frame(&mut self, frame: Vec<Entry>) -> Result<(), StorageError> {
         self.entries.retain(|old| !frame.iter().any(|new| new.time == old.time && new.part == old.part));
         self.entries.extend(frame);
         self.write()
@@ -71,7 +71,7 @@ impl Collection {
         &self.entries
     }
 
-    fn write(&self) -> Result<(), OutputError> {
+    fn write(&self) -> Result<(), StorageError> {
         let mut text = String::from(OPENING);
         for Entry { time, part, name, file } in &self.entries {
             let (name, file) = (escape(name), escape(file));

@@ -2,8 +2,8 @@
 //!
 //! Every column's name ends with its unit. Numbers are printed in the shortest form that reads back as the same `f64`.
 
-use super::OutputError;
 use crate::math::Vec3;
+use crate::storage::StorageError;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -157,8 +157,8 @@ impl SeriesWriter {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn create(path: &Path) -> Result<Self, OutputError> {
-        let file = File::create(path).map_err(|source| OutputError::system("create", path, source))?;
+    pub fn create(path: &Path) -> Result<Self, StorageError> {
+        let file = File::create(path).map_err(|source| StorageError::system("create", path, source))?;
         Ok(Self { path: path.to_path_buf(), file, header: String::new(), last: None, end: 0 })
     }
 
@@ -166,16 +166,16 @@ impl SeriesWriter {
     ///
     /// # Errors
     /// When the disk refuses or the file is no series.
-    pub fn resume(path: &Path, time: f64) -> Result<Self, OutputError> {
-        let failed = |source| OutputError::system("continue", path, source);
+    pub fn resume(path: &Path, time: f64) -> Result<Self, StorageError> {
+        let failed = |source| StorageError::system("continue", path, source);
         let bytes = fs::read(path).map_err(failed)?;
         let text = std::str::from_utf8(&bytes).map_err(|error| {
-            OutputError::unusable(path, format!("it is not text at byte {}; move it away", error.valid_up_to()))
+            StorageError::unusable(path, format!("it is not text at byte {}; move it away", error.valid_up_to()))
         })?;
         let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let header = lines.next().unwrap_or_default().to_owned();
         if !header.is_empty() && !header.starts_with("time_s") {
-            return Err(OutputError::unusable(path, "it is not a series of tollgate; move it away"));
+            return Err(StorageError::unusable(path, "it is not a series of tollgate; move it away"));
         }
         let mut end = header.len() as u64;
         let mut last = None;
@@ -183,7 +183,7 @@ impl SeriesWriter {
             let first = line.split(',').next().unwrap_or_default().trim_end();
             let row_time: f64 = first.parse().map_err(|_| {
                 let reason = format!("at byte {end} a row starts with {first:?} instead of a time; move it away");
-                OutputError::unusable(path, reason)
+                StorageError::unusable(path, reason)
             })?;
             if row_time > time {
                 break;
@@ -201,14 +201,14 @@ impl SeriesWriter {
     ///
     /// # Errors
     /// When the disk refuses, or the row has not the columns of the rows before.
-    pub fn add(&mut self, row: &SeriesRow) -> Result<(), OutputError> {
+    pub fn add(&mut self, row: &SeriesRow) -> Result<(), StorageError> {
         let cells = row.cells();
         let header = line(&self.path, cells.iter().map(|(name, _)| name.clone()))?;
         let values = line(&self.path, cells.iter().map(|(_, cell)| cell.to_string()))?;
         let first = self.header.is_empty();
         if !first && header != self.header {
             let reason = "the columns changed within a run; give --out a new folder if the scene was edited";
-            return Err(OutputError::mismatch(&self.path, reason));
+            return Err(StorageError::mismatch(&self.path, reason));
         }
         let start = match self.last {
             Some((time, start)) if time == row.time => start,
@@ -223,14 +223,14 @@ impl SeriesWriter {
     }
 
     /// One system call for the row: a kill leaves it whole or absent, or cut, which readers drop.
-    fn replace_tail(&mut self, start: u64, text: &str) -> Result<(), OutputError> {
+    fn replace_tail(&mut self, start: u64, text: &str) -> Result<(), StorageError> {
         let written = if start < self.end {
             self.file.set_len(start).and_then(|()| self.file.seek(SeekFrom::Start(start)).map(drop))
         } else {
             Ok(())
         };
         let written = written.and_then(|()| self.file.write_all(text.as_bytes()));
-        written.map_err(|source| OutputError::system("write", &self.path, source))
+        written.map_err(|source| StorageError::system("write", &self.path, source))
     }
 }
 
@@ -244,9 +244,9 @@ impl std::fmt::Display for Cell {
 }
 
 /// One line of CSV; a part's name may need quotes.
-fn line(path: &Path, fields: impl Iterator<Item = String>) -> Result<String, OutputError> {
+fn line(path: &Path, fields: impl Iterator<Item = String>) -> Result<String, StorageError> {
     let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::Any(b'\n')).from_writer(Vec::new());
-    let failed = |error: &dyn std::error::Error| OutputError::mismatch(path, error.to_string());
+    let failed = |error: &dyn std::error::Error| StorageError::mismatch(path, error.to_string());
     writer.write_record(fields.map(String::into_bytes)).map_err(|error| failed(&error))?;
     let bytes = writer.into_inner().map_err(|error| failed(&error))?;
     String::from_utf8(bytes).map_err(|error| failed(&error))
@@ -264,11 +264,11 @@ impl Series {
     ///
     /// # Errors
     /// When the file cannot be read or a row does not fit the header.
-    pub fn read(path: &Path) -> Result<Self, OutputError> {
-        let mut bytes = fs::read(path).map_err(|source| OutputError::system("read", path, source))?;
+    pub fn read(path: &Path) -> Result<Self, StorageError> {
+        let mut bytes = fs::read(path).map_err(|source| StorageError::system("read", path, source))?;
         let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1);
         bytes.truncate(whole);
-        let unusable = |error: csv::Error| OutputError::unusable(path, format!("it is no series ({error})"));
+        let unusable = |error: csv::Error| StorageError::unusable(path, format!("it is no series ({error})"));
         let mut reader = csv::Reader::from_reader(&bytes[..]);
         let names: Vec<String> = reader.headers().map_err(unusable)?.iter().map(str::to_owned).collect();
         let mut columns = vec![Vec::new(); names.len()];
@@ -277,7 +277,7 @@ impl Series {
             for (column, (name, field)) in columns.iter_mut().zip(names.iter().zip(&record)) {
                 column.push(field.parse().map_err(|_| {
                     let reason = format!("row {} has {field:?} for {name}, which is not a number", index + 1);
-                    OutputError::unusable(path, reason)
+                    StorageError::unusable(path, reason)
                 })?);
             }
         }

@@ -1,7 +1,7 @@
 //! `summary.json`: the result of a run for machines; snake_case names with units.
 
-use super::OutputError;
-use super::staging::write_whole;
+use crate::storage::StorageError;
+use crate::storage::staging::write_whole;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -180,9 +180,9 @@ impl Summary {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+    pub fn write(&self, path: &Path) -> Result<(), StorageError> {
         let mut text =
-            serde_json::to_vec_pretty(self).map_err(|error| OutputError::mismatch(path, error.to_string()))?;
+            serde_json::to_vec_pretty(self).map_err(|error| StorageError::mismatch(path, error.to_string()))?;
         text.push(b'\n');
         write_whole(path, &text)
     }
@@ -191,21 +191,21 @@ impl Summary {
     ///
     /// # Errors
     /// When the file cannot be read, is no summary, or has another major version.
-    pub fn read(path: &Path) -> Result<Self, OutputError> {
+    pub fn read(path: &Path) -> Result<Self, StorageError> {
         #[derive(Deserialize)]
         struct VersionOnly {
             format_major: u32,
         }
-        let text = fs::read(path).map_err(|source| OutputError::system("read", path, source))?;
+        let text = fs::read(path).map_err(|source| StorageError::system("read", path, source))?;
         let unusable =
-            |error: serde_json::Error| OutputError::unusable(path, format!("it is no summary of a run ({error})"));
+            |error: serde_json::Error| StorageError::unusable(path, format!("it is no summary of a run ({error})"));
         let version: VersionOnly = serde_json::from_slice(&text).map_err(unusable)?;
         if version.format_major != FORMAT_MAJOR {
             let reason = format!(
                 "it has format {}; this program reads format {FORMAT_MAJOR}; use the version that wrote it",
                 version.format_major
             );
-            return Err(OutputError::unusable(path, reason));
+            return Err(StorageError::unusable(path, reason));
         }
         serde_json::from_slice(&text).map_err(unusable)
     }

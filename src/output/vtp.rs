@@ -4,10 +4,10 @@
 //! Connectivity is Int64 (readers differ about unsigned connectivity) and every particle has a vertex cell (points
 //! without cells are not drawn). Array lengths are UInt64 headers before each array, offsets count from the `_`.
 
-use super::staging::StagedFile;
-use super::{Column, OutputError};
 use crate::math::Vec3;
 use crate::particle::ParticleState;
+use crate::storage::staging::StagedFile;
+use crate::storage::{Column, StorageError};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -66,7 +66,7 @@ pub fn write_particles(
     particles: &[ParticleState],
     extra: &[NamedColumn],
     precision: Precision,
-) -> Result<(), OutputError> {
+) -> Result<(), StorageError> {
     check_lengths(path, extra, particles.len(), "particles")?;
     let positions = column(particles, |p| p.position);
     let own: [NamedColumn; 8] = [
@@ -94,12 +94,12 @@ pub fn write_particles(
 ///
 /// # Errors
 /// When the disk refuses, a column is not as long as it must be, or a triangle names a vertex that is not there.
-pub fn write_mesh(path: &Path, time: f64, mesh: &MeshFrame, precision: Precision) -> Result<(), OutputError> {
+pub fn write_mesh(path: &Path, time: f64, mesh: &MeshFrame, precision: Precision) -> Result<(), StorageError> {
     check_lengths(path, mesh.triangle_columns, mesh.triangles.len(), "triangles")?;
     check_lengths(path, mesh.part_columns, 1, "parts")?;
     let count = mesh.vertices.len();
     if let Some(triangle) = mesh.triangles.iter().find(|triangle| triangle.iter().any(|&v| v as usize >= count)) {
-        return Err(OutputError::mismatch(path, format!("triangle {triangle:?} of {count} vertices")));
+        return Err(StorageError::mismatch(path, format!("triangle {triangle:?} of {count} vertices")));
     }
     let positions = Column::from(mesh.vertices);
     let mut fields = vec![time_field(time), text_field("part_name", mesh.name)];
@@ -126,7 +126,7 @@ pub fn write_contacts(
     contacts: &[ContactLine],
     extra: &[NamedColumn],
     precision: Precision,
-) -> Result<(), OutputError> {
+) -> Result<(), StorageError> {
     check_lengths(path, extra, contacts.len(), "contacts")?;
     let ends: Vec<Vec3> = contacts.iter().flat_map(|contact| [contact.start, contact.end]).collect();
     let positions = Column::from(ends);
@@ -156,11 +156,11 @@ where
     Column::from(items.iter().map(value).collect::<Vec<V>>())
 }
 
-fn check_lengths(path: &Path, columns: &[NamedColumn], length: usize, what: &str) -> Result<(), OutputError> {
+fn check_lengths(path: &Path, columns: &[NamedColumn], length: usize, what: &str) -> Result<(), StorageError> {
     match columns.iter().find(|(_, column)| column.len() != length) {
         Some((name, column)) => {
             let reason = format!("column {name:?} has {} values for {length} {what}", column.len());
-            Err(OutputError::mismatch(path, reason))
+            Err(StorageError::mismatch(path, reason))
         }
         None => Ok(()),
     }
@@ -351,7 +351,7 @@ struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    fn write(&self, path: &Path) -> Result<(), OutputError> {
+    fn write(&self, path: &Path) -> Result<(), StorageError> {
         let mut file = StagedFile::create(path)?;
         self.write_to(&mut file).map_err(|source| file.failed(source))?;
         file.commit()
@@ -499,7 +499,7 @@ mod tests {
         assert!(text.contains(">1.0 2.0 3.0</DataArray>"));
         assert!(text.contains(">97 60 98 0</Array>"), "the part's name");
         let broken = MeshFrame { triangles: &[[0, 1, 4]], triangle_columns: &[], ..mesh };
-        assert!(matches!(write_mesh(&path, 0.0, &broken, Precision::Double), Err(OutputError::Mismatch { .. })));
+        assert!(matches!(write_mesh(&path, 0.0, &broken, Precision::Double), Err(StorageError::Mismatch { .. })));
     }
 
     #[test]

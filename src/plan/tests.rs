@@ -86,6 +86,8 @@ fn scene() -> Scene {
             checkpoint_interval: None,
         },
         measures: Vec::new(),
+        gates: Vec::new(),
+        stages: Vec::new(),
         start_checkpoint: None,
     }
 }

@@ -2,10 +2,10 @@
 
 use super::RunError;
 use crate::exit_code;
-use crate::output::OutputError;
-use crate::output::staging::{STAGING_SUFFIX, write_whole};
 use crate::output::summary::Summary;
 use crate::stage::key::{StageKey, differences};
+use crate::storage::StorageError;
+use crate::storage::staging::{STAGING_SUFFIX, write_whole};
 use serde_json::{Value, json};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ fn is_used(path: &Path) -> bool {
 
 /// Locks a folder; `None` where its file system has no locks.
 fn lock(path: &Path) -> Result<Option<File>, RunError> {
-    let folder = File::open(path).map_err(|source| OutputError::system("open", path, source))?;
+    let folder = File::open(path).map_err(|source| StorageError::system("open", path, source))?;
     match folder.try_lock() {
         Ok(()) => Ok(Some(folder)),
         Err(TryLockError::WouldBlock) => Err(RunError::Folder(format!(
@@ -64,7 +64,7 @@ impl RunFolder {
                 "the folder {shown} is not empty and holds no run of tollgate; choose another --out"
             )));
         }
-        fs::create_dir_all(path).map_err(|source| OutputError::system("create", path, source))?;
+        fs::create_dir_all(path).map_err(|source| StorageError::system("create", path, source))?;
         let folder = Self { path: path.to_path_buf(), _lock: lock(path)? };
         let record = folder.record_path();
         if record.exists() {
@@ -81,7 +81,7 @@ impl RunFolder {
     fn check_same(&self, key: &StageKey, resume: bool) -> Result<(), RunError> {
         let shown = self.path.display();
         let record = self.record_path();
-        let text = fs::read_to_string(&record).map_err(|source| OutputError::system("read", &record, source))?;
+        let text = fs::read_to_string(&record).map_err(|source| StorageError::system("read", &record, source))?;
         let held: Value = serde_json::from_str(&text).map_err(|error| {
             RunError::Folder(format!("{} is damaged ({error}); choose another --out", record.display()))
         })?;
@@ -105,7 +105,7 @@ impl RunFolder {
     }
 
     /// The summary of an earlier run that ended by itself: it would end so again.
-    pub fn finished(&self) -> Result<Option<Summary>, OutputError> {
+    pub fn finished(&self) -> Result<Option<Summary>, StorageError> {
         let path = self.summary_path();
         if !path.exists() {
             return Ok(None);

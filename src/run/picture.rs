@@ -5,15 +5,20 @@ use crate::analysis::angle_of_repose::angle_of_repose;
 use crate::analysis::surface_profile::SurfacePoint;
 use crate::backend::native::StageResult;
 use crate::math::{Bounds, Vec3};
-use crate::output::OutputError;
-use crate::output::staging::write_whole;
 use crate::report::outline::{Outline, outline};
 use crate::report::picture::{Annotations, ColourBy, SlopeLine, View, side_view};
 use crate::scene::{MeasureKind, Scene};
+use crate::storage::StorageError;
+use crate::storage::staging::write_whole;
 use std::path::Path;
 
 /// Writes `picture.svg`: particles by diameter, the parts that are there, and the slopes of every measured heap.
-pub fn draw(scene: &Scene, result: &StageResult, measures: &[MeasureResult], folder: &Path) -> Result<(), OutputError> {
+pub fn draw(
+    scene: &Scene,
+    result: &StageResult,
+    measures: &[MeasureResult],
+    folder: &Path,
+) -> Result<(), StorageError> {
     let along = scene.measures.iter().find_map(|measure| match measure.kind {
         MeasureKind::AngleOfRepose { along, .. } => Some(along),
         _ => None,

@@ -6,13 +6,13 @@ use crate::backend::BackendError;
 use crate::backend::native::{self, EndReason, PartEvent, RemovalCause, StageResult};
 use crate::dem::feed::{Amount, FeedReport};
 use crate::exit_code;
-use crate::output::OutputError;
 use crate::output::series::Series;
 use crate::output::summary::{
     EventSummary, FeedSummary, GradingSummary, Outcome, RemovalSummary, SceneProvenance, StageSummary, Summary,
 };
 use crate::plan::Plan;
 use crate::scene::{Finding, MeasureKind, Scene};
+use crate::storage::StorageError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -24,7 +24,7 @@ pub fn warnings(findings: &[Finding], plan: &Plan) -> Vec<String> {
 }
 
 /// Mass beyond the plane of every mass flow rate, from the run's `series.csv`.
-pub fn mass_series(scene: &Scene, folder: &Path) -> Result<Vec<MassSeries>, OutputError> {
+pub fn mass_series(scene: &Scene, folder: &Path) -> Result<Vec<MassSeries>, StorageError> {
     let wanted: Vec<&str> = scene
         .measures
         .iter()

@@ -5,6 +5,7 @@
 
 pub mod diagnostics;
 mod extent;
+pub mod gate;
 mod quantity;
 mod read;
 mod reader;
@@ -56,6 +57,10 @@ pub struct Scene {
     pub output: OutputSettings,
     /// What is measured.
     pub measures: Vec<Measure>,
+    /// Gates, in the scene's order.
+    pub gates: Vec<gate::Gate>,
+    /// Stages in the scene's order, or as the gates imply them; none where there is no gate.
+    pub stages: Vec<gate::StageOutline>,
     /// Start from another run's checkpoint instead of an empty scene.
     pub start_checkpoint: Option<PathBuf>,
 }

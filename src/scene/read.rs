@@ -112,6 +112,8 @@ fn assemble(draft: Draft, domain: Domain) -> Option<Scene> {
         end: draft.end?,
         output: draft.output,
         measures: measures.collect(),
+        gates: Vec::new(),
+        stages: Vec::new(),
         start_checkpoint: draft.start_checkpoint,
     })
 }

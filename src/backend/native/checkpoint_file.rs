@@ -4,9 +4,9 @@ use super::end::EndWatch;
 use crate::backend::BackendError;
 use crate::dem::checkpoint::{INTEGER_COLUMNS, REAL_COLUMNS, SimulationRecord};
 use crate::dem::simulation::{Setup, Simulation};
-use crate::output::OutputError;
-use crate::output::columns::{ColumnReader, ColumnWriter};
 use crate::particle::Body;
+use crate::storage::StorageError;
+use crate::storage::columns::{ColumnReader, ColumnWriter};
 use std::path::{Path, PathBuf};
 
 /// Kind of column file.
@@ -26,7 +26,7 @@ impl CheckpointFile {
     }
 
     /// Replaces the file by the present state.
-    pub fn save(&self, simulation: &Simulation, end: &EndWatch) -> Result<(), OutputError> {
+    pub fn save(&self, simulation: &Simulation, end: &EndWatch) -> Result<(), StorageError> {
         let record = simulation.record();
         let end = serde_json::to_string(end).expect("plain numbers become JSON");
         let mut writer = ColumnWriter::new(KIND);
@@ -81,7 +81,7 @@ fn body_text(setup: &Setup) -> String {
     }
 }
 
-fn record_of(reader: &ColumnReader) -> Result<SimulationRecord, OutputError> {
+fn record_of(reader: &ColumnReader) -> Result<SimulationRecord, StorageError> {
     let mut record = SimulationRecord { progress: reader.attribute_text("progress")?.to_owned(), ..Default::default() };
     for name in REAL_COLUMNS {
         record.reals.push((name, reader.f64s(name)?));

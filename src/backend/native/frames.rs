@@ -8,11 +8,11 @@ use crate::geometry::part::{Part, Surface, TriangleMesh};
 use crate::math::Vec3;
 use crate::output::lammps::{DumpWriter, FrameHeader};
 use crate::output::pvd::{Collection, Entry, frame_file};
-use crate::output::staging::STAGING_SUFFIX;
 use crate::output::vtp::{ContactLine, MeshFrame, Precision, write_contacts, write_mesh, write_particles};
-use crate::output::{Column, OutputError};
 use crate::particle::{ParticleId, ParticleState};
 use crate::scene::Scene;
+use crate::storage::staging::STAGING_SUFFIX;
+use crate::storage::{Column, StorageError};
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub struct FrameOutput {
 
 impl FrameOutput {
     /// Opens the frame files; those of a resumed simulation are continued after the last frame that was due.
-    pub fn open(scene: &Scene, folder: &Path, simulation: &Simulation, resumed: bool) -> Result<Self, OutputError> {
+    pub fn open(scene: &Scene, folder: &Path, simulation: &Simulation, resumed: bool) -> Result<Self, StorageError> {
         let frames = folder.join("frames");
         let pvd = folder.join("frames.pvd");
         let dump = folder.join("dump.particles.lammpstrj");
@@ -48,7 +48,7 @@ impl FrameOutput {
             meshes: scene.parts.iter().map(drawable).collect(),
         };
         if scene.output.vtp {
-            fs::create_dir_all(&frames).map_err(|source| OutputError::system("create", &frames, source))?;
+            fs::create_dir_all(&frames).map_err(|source| StorageError::system("create", &frames, source))?;
             remove_frames_after(&frames, kept)?;
             output.collection = Some(match kept {
                 Some(step) => Collection::resume(&pvd, step as f64 * simulation.setup().timestep)?,
@@ -65,16 +65,16 @@ impl FrameOutput {
     }
 
     /// Writes a frame where the present step is due.
-    pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         if self.schedule.is_due(simulation.steps_done()) { self.write(simulation, scene) } else { Ok(()) }
     }
 
     /// Writes the last state, unless it stands there already.
-    pub fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    pub fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         if self.last_written == Some(simulation.steps_done()) { Ok(()) } else { self.write(simulation, scene) }
     }
 
-    fn write(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    fn write(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         let step = simulation.steps_done();
         let particles = simulation.particles();
         if let Some(dump) = &mut self.dump {
@@ -98,7 +98,7 @@ impl FrameOutput {
         simulation: &Simulation,
         scene: &Scene,
         particles: &[ParticleState],
-    ) -> Result<Vec<Entry>, OutputError> {
+    ) -> Result<Vec<Entry>, StorageError> {
         let (step, time) = (simulation.steps_done(), simulation.time());
         let mut entries = Vec::new();
         let mut add = |name: &str, stem: &str| {
@@ -141,8 +141,8 @@ impl FrameOutput {
 }
 
 /// Removes the frames of an earlier attempt at the same run that are later than `kept`, finished or not.
-fn remove_frames_after(frames: &Path, kept: Option<u64>) -> Result<(), OutputError> {
-    let failed = |source| OutputError::system("tidy up", frames, source);
+fn remove_frames_after(frames: &Path, kept: Option<u64>) -> Result<(), StorageError> {
+    let failed = |source| StorageError::system("tidy up", frames, source);
     for entry in fs::read_dir(frames).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         let name = entry.file_name();

@@ -15,11 +15,11 @@ pub use crate::dem::presence::PartEvent;
 pub use crate::dem::removal::{Removal, RemovalCause};
 use crate::dem::simulation::{Setup, Simulation};
 use crate::dem::watchdog::Stop;
-use crate::output::OutputError;
 use crate::output::progress::{Progress, Status, Verbosity};
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
 use crate::scene::Scene;
+use crate::storage::StorageError;
 use checkpoint_file::CheckpointFile;
 pub use end::EndReason;
 use end::EndWatch;
@@ -157,8 +157,8 @@ pub fn default_threads() -> usize {
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn digest_of_start(path: &Path) -> Result<String, OutputError> {
-    let bytes = std::fs::read(path).map_err(|source| OutputError::system("read", path, source))?;
+pub fn digest_of_start(path: &Path) -> Result<String, StorageError> {
+    let bytes = std::fs::read(path).map_err(|source| StorageError::system("read", path, source))?;
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
@@ -259,7 +259,7 @@ impl Driver {
     }
 
     /// Frame and row of the present state.
-    fn write_state(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    fn write_state(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         self.frames.write_last(simulation, scene)?;
         self.series.write_last(simulation, scene)
     }

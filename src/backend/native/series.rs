@@ -4,10 +4,10 @@ use super::Schedule;
 use crate::dem::inspect::{ContactRecord, Partner};
 use crate::dem::simulation::Simulation;
 use crate::math::Vec3;
-use crate::output::OutputError;
 use crate::output::series::{PartRow, SeriesEnergy, SeriesRow, SeriesWriter};
 use crate::particle::ParticleState;
 use crate::scene::{MeasureKind, Scene};
+use crate::storage::StorageError;
 use std::path::Path;
 
 /// Writes rows at their interval, and the last one.
@@ -25,7 +25,7 @@ pub fn mass_column(measure: &str) -> String {
 
 impl SeriesOutput {
     /// Opens `series.csv`; that of a resumed simulation is continued after the last row that was due.
-    pub fn open(scene: &Scene, folder: &Path, simulation: &Simulation, resumed: bool) -> Result<Self, OutputError> {
+    pub fn open(scene: &Scene, folder: &Path, simulation: &Simulation, resumed: bool) -> Result<Self, StorageError> {
         let path = folder.join("series.csv");
         let schedule = Schedule::new(Some(scene.output.series_interval), simulation);
         if !resumed {
@@ -37,16 +37,16 @@ impl SeriesOutput {
     }
 
     /// Writes a row where the present step is due.
-    pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    pub fn write_due(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         if self.schedule.is_due(simulation.steps_done()) { self.write(simulation, scene) } else { Ok(()) }
     }
 
     /// Writes the last state's row, unless it stands there already.
-    pub fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    pub fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         if self.last_written == Some(simulation.steps_done()) { Ok(()) } else { self.write(simulation, scene) }
     }
 
-    fn write(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), OutputError> {
+    fn write(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         self.writer.add(&row(simulation, scene))?;
         self.last_written = Some(simulation.steps_done());
         Ok(())

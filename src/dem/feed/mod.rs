@@ -29,6 +29,15 @@ pub struct Feed {
     pub kind: FeedKind,
 }
 
+impl Feed {
+    /// The same feed where another stage has it: it brings nothing, and keeps its place in the list, which is in the identities
+    /// of its particles.
+    #[must_use]
+    pub fn elsewhere(&self) -> Self {
+        Self { name: self.name.clone(), kind: FeedKind::File { particles: Vec::new() } }
+    }
+}
+
 /// Kinds of feeds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub enum FeedKind {

@@ -57,7 +57,7 @@ mod tests {
     }
 
     /// Everything of the frames as read back: header, then particles.
-    fn read_all(bytes: &[u8]) -> Result<Vec<(FrameHeader, Vec<ParticleState>)>, super::super::OutputError> {
+    fn read_all(bytes: &[u8]) -> Result<Vec<(FrameHeader, Vec<ParticleState>)>, crate::storage::StorageError> {
         let mut reader = DumpReader::new(bytes, "dump.lammpstrj");
         let mut frames = Vec::new();
         while let Some(header) = reader.next_frame()? {

@@ -1,9 +1,9 @@
 //! Reads dumps row by row in bounded memory: our own and those of LAMMPS and LIGGGHTS.
 
-use super::super::OutputError;
 use super::FrameHeader;
 use crate::math::{Bounds, Vec3};
 use crate::particle::{Body, ParticleId, ParticleState};
+use crate::storage::StorageError;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -36,8 +36,8 @@ impl DumpReader<BufReader<File>> {
     ///
     /// # Errors
     /// When it cannot be opened.
-    pub fn open(path: &Path) -> Result<Self, OutputError> {
-        let file = File::open(path).map_err(|source| OutputError::system("open", path, source))?;
+    pub fn open(path: &Path) -> Result<Self, StorageError> {
+        let file = File::open(path).map_err(|source| StorageError::system("open", path, source))?;
         Ok(Self::new(BufReader::with_capacity(1 << 18, file), path))
     }
 }
@@ -62,7 +62,7 @@ impl<R: BufRead> DumpReader<R> {
     ///
     /// # Errors
     /// When the dump is damaged or half written; the error names the byte.
-    pub fn next_frame(&mut self) -> Result<Option<FrameHeader>, OutputError> {
+    pub fn next_frame(&mut self) -> Result<Option<FrameHeader>, StorageError> {
         self.skip_rows()?;
         if !self.read_line()? {
             return Ok(None);
@@ -112,10 +112,10 @@ impl<R: BufRead> DumpReader<R> {
     ///
     /// # Errors
     /// When the frame has no such column; the error lists those it has.
-    pub fn column(&self, name: &str) -> Result<usize, OutputError> {
+    pub fn column(&self, name: &str) -> Result<usize, StorageError> {
         self.find(name).ok_or_else(|| {
             let reason = format!("it has no column {name:?} (it has: {})", self.columns.join(" "));
-            OutputError::unusable(&self.path, reason)
+            StorageError::unusable(&self.path, reason)
         })
     }
 
@@ -133,7 +133,7 @@ impl<R: BufRead> DumpReader<R> {
     ///
     /// # Errors
     /// When the dump ends within the frame or the row has not as many fields as there are columns.
-    pub fn next_row(&mut self) -> Result<Option<Row<'_>>, OutputError> {
+    pub fn next_row(&mut self) -> Result<Option<Row<'_>>, StorageError> {
         if self.rows_read == self.claimed {
             return Ok(None);
         }
@@ -163,7 +163,7 @@ impl<R: BufRead> DumpReader<R> {
     ///
     /// # Errors
     /// As [`DumpReader::next_row`].
-    pub fn skip_rows(&mut self) -> Result<(), OutputError> {
+    pub fn skip_rows(&mut self) -> Result<(), StorageError> {
         while self.next_row()?.is_some() {}
         Ok(())
     }
@@ -173,7 +173,7 @@ impl<R: BufRead> DumpReader<R> {
     ///
     /// # Errors
     /// When a column is missing, or the frame is damaged or half written.
-    pub fn particles(&mut self, body: &Body) -> Result<Vec<ParticleState>, OutputError> {
+    pub fn particles(&mut self, body: &Body) -> Result<Vec<ParticleState>, StorageError> {
         let id = self.column("id")?;
         let radius = self.column("radius")?;
         let position = self.vector(["x", "y", "z"])?;
@@ -201,7 +201,7 @@ impl<R: BufRead> DumpReader<R> {
         Ok(particles)
     }
 
-    fn vector(&self, names: [&str; 3]) -> Result<[usize; 3], OutputError> {
+    fn vector(&self, names: [&str; 3]) -> Result<[usize; 3], StorageError> {
         Ok([self.column(names[0])?, self.column(names[1])?, self.column(names[2])?])
     }
 
@@ -224,11 +224,11 @@ impl<R: BufRead> DumpReader<R> {
     }
 
     /// Reads one line; false at the end. A line without its end was being written when the file was left.
-    fn read_line(&mut self) -> Result<bool, OutputError> {
+    fn read_line(&mut self) -> Result<bool, StorageError> {
         self.line.clear();
         let mut limited = (&mut self.source).take(LONGEST_LINE);
         let read = limited.read_until(b'\n', &mut self.line);
-        let read = read.map_err(|source| OutputError::system("read", &self.path, source))?;
+        let read = read.map_err(|source| StorageError::system("read", &self.path, source))?;
         self.offset += read as u64;
         if read == 0 {
             return Ok(false);
@@ -241,7 +241,7 @@ impl<R: BufRead> DumpReader<R> {
         Ok(true)
     }
 
-    fn expect_line(&mut self, what: &str) -> Result<(), OutputError> {
+    fn expect_line(&mut self, what: &str) -> Result<(), StorageError> {
         if self.read_line()? {
             return Ok(());
         }
@@ -253,17 +253,17 @@ impl<R: BufRead> DumpReader<R> {
         self.offset - self.line.len() as u64
     }
 
-    fn line_text(&self) -> Result<&str, OutputError> {
+    fn line_text(&self) -> Result<&str, StorageError> {
         std::str::from_utf8(&self.line).map_err(|_| self.damaged(self.line_start(), "a line that is not text"))
     }
 
-    fn value<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, OutputError> {
+    fn value<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, StorageError> {
         self.expect_line(what)?;
         let text = self.line_text()?.trim();
         text.parse().map_err(|_| self.damaged(self.line_start(), &format!("{text:?} is not {what}")))
     }
 
-    fn bounds(&mut self) -> Result<Bounds, OutputError> {
+    fn bounds(&mut self) -> Result<Bounds, StorageError> {
         let mut bounds = Bounds { minimum: [0.0; 3], maximum: [0.0; 3] };
         for axis in 0..3 {
             self.expect_line("the bounds of the box")?;
@@ -276,10 +276,10 @@ impl<R: BufRead> DumpReader<R> {
         Ok(bounds)
     }
 
-    fn damaged(&self, offset: u64, reason: &str) -> OutputError {
+    fn damaged(&self, offset: u64, reason: &str) -> StorageError {
         let good = self.whole_frames_end;
         let reason = format!("damaged at byte {offset}: {reason} (whole frames end at byte {good})");
-        OutputError::unusable(&self.path, reason)
+        StorageError::unusable(&self.path, reason)
     }
 }
 
@@ -305,7 +305,7 @@ impl Row<'_> {
     ///
     /// # Errors
     /// When it is none.
-    pub fn f64(&self, column: usize) -> Result<f64, OutputError> {
+    pub fn f64(&self, column: usize) -> Result<f64, StorageError> {
         self.field(column, "a number")
     }
 
@@ -313,28 +313,28 @@ impl Row<'_> {
     ///
     /// # Errors
     /// When it is none.
-    pub fn u64(&self, column: usize) -> Result<u64, OutputError> {
+    pub fn u64(&self, column: usize) -> Result<u64, StorageError> {
         self.field(column, "a whole number")
     }
 
-    fn vec3(&self, columns: [usize; 3]) -> Result<Vec3, OutputError> {
+    fn vec3(&self, columns: [usize; 3]) -> Result<Vec3, StorageError> {
         Ok(Vec3::new(self.f64(columns[0])?, self.f64(columns[1])?, self.f64(columns[2])?))
     }
 
     /// Types count from 1, materials from 0.
-    fn material(&self, column: usize) -> Result<u16, OutputError> {
+    fn material(&self, column: usize) -> Result<u16, StorageError> {
         let kind = self.u64(column)?;
         kind.checked_sub(1).and_then(|material| u16::try_from(material).ok()).ok_or_else(|| {
             let reason = format!("damaged at byte {}: type {kind} is not between 1 and 65536", self.offset);
-            OutputError::unusable(self.path, reason)
+            StorageError::unusable(self.path, reason)
         })
     }
 
-    fn field<T: std::str::FromStr>(&self, column: usize, what: &str) -> Result<T, OutputError> {
+    fn field<T: std::str::FromStr>(&self, column: usize, what: &str) -> Result<T, StorageError> {
         let text = self.fields.get(column).map_or("", |&(first, end)| &self.text[first..end]);
         text.parse().map_err(|_| {
             let reason = format!("damaged at byte {}: {text:?} is not {what}", self.offset);
-            OutputError::unusable(self.path, reason)
+            StorageError::unusable(self.path, reason)
         })
     }
 }

@@ -1,9 +1,9 @@
 //! Writes the dump.
 
-use super::super::OutputError;
 use super::{COLUMNS, DumpReader, FrameHeader};
 use crate::math::Vec3;
 use crate::particle::{Body, ParticleState};
+use crate::storage::StorageError;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -20,8 +20,8 @@ impl DumpWriter {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn create(path: &Path) -> Result<Self, OutputError> {
-        let file = File::create(path).map_err(|source| OutputError::system("create", path, source))?;
+    pub fn create(path: &Path) -> Result<Self, StorageError> {
+        let file = File::create(path).map_err(|source| StorageError::system("create", path, source))?;
         Ok(Self { path: path.to_path_buf(), out: BufWriter::with_capacity(1 << 18, file) })
     }
 
@@ -30,8 +30,8 @@ impl DumpWriter {
     ///
     /// # Errors
     /// When the disk refuses, or the dump is damaged before its end.
-    pub fn resume(path: &Path, step: u64) -> Result<Self, OutputError> {
-        let failed = |source| OutputError::system("continue", path, source);
+    pub fn resume(path: &Path, step: u64) -> Result<Self, StorageError> {
+        let failed = |source| StorageError::system("continue", path, source);
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
         let end = end_of_frames(DumpReader::new(BufReader::new(&file), path), step, size)?;
@@ -50,10 +50,10 @@ impl DumpWriter {
         particles: &[ParticleState],
         forces: Option<&[Vec3]>,
         body: &Body,
-    ) -> Result<(), OutputError> {
+    ) -> Result<(), StorageError> {
         if let Some(forces) = forces.filter(|forces| forces.len() != particles.len()) {
             let reason = format!("{} forces for {} particles", forces.len(), particles.len());
-            return Err(OutputError::mismatch(&self.path, reason));
+            return Err(StorageError::mismatch(&self.path, reason));
         }
         let written = write_header(&mut self.out, header, particles.len())
             .and_then(|()| {
@@ -63,12 +63,12 @@ impl DumpWriter {
                 })
             })
             .and_then(|()| self.out.flush());
-        written.map_err(|source| OutputError::system("write", &self.path, source))
+        written.map_err(|source| StorageError::system("write", &self.path, source))
     }
 }
 
 /// Where the frames up to `step` end. A half-written last frame is what a killed run leaves; anything else is damage.
-fn end_of_frames(mut reader: DumpReader<impl io::BufRead>, step: u64, size: u64) -> Result<u64, OutputError> {
+fn end_of_frames(mut reader: DumpReader<impl io::BufRead>, step: u64, size: u64) -> Result<u64, StorageError> {
     loop {
         let end = reader.whole_frames_end();
         match reader.next_frame() {

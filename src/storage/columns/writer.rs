@@ -1,7 +1,7 @@
 //! Writes a file of columns.
 
 use super::super::staging::StagedFile;
-use super::super::{Column, OutputError};
+use super::super::{Column, StorageError};
 use super::{CHUNK, ColumnEntry, FORMAT_MAJOR, FORMAT_MINOR, Header, MAGIC, NumberType};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -38,9 +38,9 @@ impl<'a> ColumnWriter<'a> {
     ///
     /// # Errors
     /// When the disk refuses, or two columns have one name.
-    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+    pub fn write(&self, path: &Path) -> Result<(), StorageError> {
         let header = self.header(path)?;
-        let text = serde_json::to_vec(&header).map_err(|error| OutputError::mismatch(path, error.to_string()))?;
+        let text = serde_json::to_vec(&header).map_err(|error| StorageError::mismatch(path, error.to_string()))?;
         let mut file = StagedFile::create(path)?;
         let written = file
             .write_all(MAGIC)
@@ -52,15 +52,15 @@ impl<'a> ColumnWriter<'a> {
         file.commit_durably()
     }
 
-    fn header(&self, path: &Path) -> Result<Header, OutputError> {
+    fn header(&self, path: &Path) -> Result<Header, StorageError> {
         let mut columns: Vec<ColumnEntry> = Vec::with_capacity(self.columns.len());
         let mut offset = 0;
         for (name, column) in &self.columns {
             if columns.iter().any(|earlier| &earlier.name == name) {
-                return Err(OutputError::mismatch(path, format!("two columns are named {name:?}")));
+                return Err(StorageError::mismatch(path, format!("two columns are named {name:?}")));
             }
             let mut hasher = blake3::Hasher::new();
-            write_bytes(column, &mut hasher).map_err(|source| OutputError::system("write", path, source))?;
+            write_bytes(column, &mut hasher).map_err(|source| StorageError::system("write", path, source))?;
             let entry = ColumnEntry {
                 name: name.clone(),
                 number: number_type(column),

@@ -97,7 +97,7 @@ struct Header {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Column, OutputError};
+    use super::super::{Column, StorageError};
     use super::*;
     use crate::exit_code;
     use crate::math::{Vec3, vec3};
@@ -128,7 +128,7 @@ mod tests {
         fs::read(&path).unwrap()
     }
 
-    fn load(bytes: &[u8]) -> Result<BTreeMap<String, Column<'static>>, OutputError> {
+    fn load(bytes: &[u8]) -> Result<BTreeMap<String, Column<'static>>, StorageError> {
         let source = io::Cursor::new(bytes.to_vec());
         read_all(&ColumnReader::from_source(Path::new("a"), Box::new(source), bytes.len() as u64, "checkpoint")?)
     }

@@ -1,6 +1,6 @@
 //! Reads a file of columns; trusts nothing it has not checked.
 
-use super::super::{Column, OutputError};
+use super::super::{Column, StorageError};
 use super::{CHUNK, ColumnEntry, FORMAT_MAJOR, Header, MAGIC, NumberType, PREAMBLE};
 use crate::math::Vec3;
 use serde::Deserialize;
@@ -44,9 +44,9 @@ impl ColumnReader {
     ///
     /// # Errors
     /// When the file cannot be read, is foreign, of another kind, truncated, edited, or of another format version.
-    pub fn open(path: &Path, kind: &str) -> Result<Self, OutputError> {
-        let file = File::open(path).map_err(|source| OutputError::system("open", path, source))?;
-        let size = file.metadata().map_err(|source| OutputError::system("read", path, source))?.len();
+    pub fn open(path: &Path, kind: &str) -> Result<Self, StorageError> {
+        let file = File::open(path).map_err(|source| StorageError::system("open", path, source))?;
+        let size = file.metadata().map_err(|source| StorageError::system("read", path, source))?.len();
         Self::from_source(path, Box::new(file), size, kind)
     }
 
@@ -55,9 +55,9 @@ impl ColumnReader {
         mut source: Box<dyn Source>,
         size: u64,
         kind: &str,
-    ) -> Result<Self, OutputError> {
-        let failed = |source| OutputError::system("read", path, source);
-        let refuse = |reason: String| OutputError::unusable(path, reason);
+    ) -> Result<Self, StorageError> {
+        let failed = |source| StorageError::system("read", path, source);
+        let refuse = |reason: String| StorageError::unusable(path, reason);
         let mut preamble = [0; PREAMBLE as usize];
         let read = read_up_to(&mut source, &mut preamble).map_err(failed)?;
         if read < MAGIC.len() || &preamble[..8] != MAGIC {
@@ -108,7 +108,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// When it is missing or something else.
-    pub fn attribute_u64(&self, name: &str) -> Result<u64, OutputError> {
+    pub fn attribute_u64(&self, name: &str) -> Result<u64, StorageError> {
         let value = self.attribute(name).and_then(serde_json::Value::as_u64);
         value.ok_or_else(|| self.refuse(format!("its header has no whole number {name:?}")))
     }
@@ -117,7 +117,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// When it is missing or something else.
-    pub fn attribute_f64(&self, name: &str) -> Result<f64, OutputError> {
+    pub fn attribute_f64(&self, name: &str) -> Result<f64, StorageError> {
         let value = self.attribute(name).and_then(serde_json::Value::as_f64);
         value.ok_or_else(|| self.refuse(format!("its header has no number {name:?}")))
     }
@@ -126,7 +126,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// When it is missing or something else.
-    pub fn attribute_text(&self, name: &str) -> Result<&str, OutputError> {
+    pub fn attribute_text(&self, name: &str) -> Result<&str, StorageError> {
         let value = self.attribute(name).and_then(serde_json::Value::as_str);
         value.ok_or_else(|| self.refuse(format!("its header has no text {name:?}")))
     }
@@ -135,7 +135,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// When there is no such column of real numbers, or its bytes were edited or damaged.
-    pub fn f64s(&self, name: &str) -> Result<Vec<f64>, OutputError> {
+    pub fn f64s(&self, name: &str) -> Result<Vec<f64>, StorageError> {
         self.numbers(name, NumberType::F64, 1, f64::from_le_bytes)
     }
 
@@ -143,7 +143,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// As [`ColumnReader::f64s`].
-    pub fn vec3s(&self, name: &str) -> Result<Vec<Vec3>, OutputError> {
+    pub fn vec3s(&self, name: &str) -> Result<Vec<Vec3>, StorageError> {
         let flat = self.numbers(name, NumberType::F64, 3, f64::from_le_bytes)?;
         Ok(flat.chunks_exact(3).map(|xyz| Vec3::new(xyz[0], xyz[1], xyz[2])).collect())
     }
@@ -152,7 +152,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// As [`ColumnReader::f64s`].
-    pub fn u64s(&self, name: &str) -> Result<Vec<u64>, OutputError> {
+    pub fn u64s(&self, name: &str) -> Result<Vec<u64>, StorageError> {
         self.numbers(name, NumberType::U64, 1, u64::from_le_bytes)
     }
 
@@ -160,7 +160,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// As [`ColumnReader::f64s`].
-    pub fn u32s(&self, name: &str) -> Result<Vec<u32>, OutputError> {
+    pub fn u32s(&self, name: &str) -> Result<Vec<u32>, StorageError> {
         self.numbers(name, NumberType::U32, 1, u32::from_le_bytes)
     }
 
@@ -168,7 +168,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// As [`ColumnReader::f64s`].
-    pub fn u16s(&self, name: &str) -> Result<Vec<u16>, OutputError> {
+    pub fn u16s(&self, name: &str) -> Result<Vec<u16>, StorageError> {
         self.numbers(name, NumberType::U16, 1, u16::from_le_bytes)
     }
 
@@ -176,7 +176,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// As [`ColumnReader::f64s`].
-    pub fn u8s(&self, name: &str) -> Result<Vec<u8>, OutputError> {
+    pub fn u8s(&self, name: &str) -> Result<Vec<u8>, StorageError> {
         self.numbers(name, NumberType::U8, 1, u8::from_le_bytes)
     }
 
@@ -184,7 +184,7 @@ impl ColumnReader {
     ///
     /// # Errors
     /// When one was edited or damaged; names the first.
-    pub fn verify(&self) -> Result<(), OutputError> {
+    pub fn verify(&self) -> Result<(), StorageError> {
         self.header.columns.iter().try_for_each(|entry| self.read(entry, |_| {}))
     }
 
@@ -194,7 +194,7 @@ impl ColumnReader {
         number: NumberType,
         components: u64,
         value: impl Fn([u8; N]) -> T,
-    ) -> Result<Vec<T>, OutputError> {
+    ) -> Result<Vec<T>, StorageError> {
         let found = self.header.columns.iter().find(|entry| entry.name == name);
         let entry = found.ok_or_else(|| self.refuse(format!("it has no column {name:?}; {NEXT}")))?;
         if entry.number != number || entry.components != components {
@@ -211,10 +211,10 @@ impl ColumnReader {
     }
 
     /// Hands the column's bytes over in blocks of whole numbers, then compares the digest.
-    fn read(&self, entry: &ColumnEntry, mut block: impl FnMut(&[u8])) -> Result<(), OutputError> {
+    fn read(&self, entry: &ColumnEntry, mut block: impl FnMut(&[u8])) -> Result<(), StorageError> {
         let failed = |source: io::Error| match source.kind() {
             io::ErrorKind::UnexpectedEof => self.refuse(format!("it was cut while it was read; {NEXT}")),
-            _ => OutputError::system("read", &self.path, source),
+            _ => StorageError::system("read", &self.path, source),
         };
         let mut source = self.source.borrow_mut();
         source.seek(SeekFrom::Start(self.base + entry.offset)).map_err(failed)?;
@@ -234,8 +234,8 @@ impl ColumnReader {
         Ok(())
     }
 
-    fn refuse(&self, reason: String) -> OutputError {
-        OutputError::unusable(&self.path, reason)
+    fn refuse(&self, reason: String) -> StorageError {
+        StorageError::unusable(&self.path, reason)
     }
 }
 
@@ -294,7 +294,7 @@ fn check_layout(columns: &[ColumnEntry], space: u64) -> Result<(), String> {
 ///
 /// # Errors
 /// As [`ColumnReader::f64s`], for the first column that fails.
-pub fn read_all(reader: &ColumnReader) -> Result<BTreeMap<String, Column<'static>>, OutputError> {
+pub fn read_all(reader: &ColumnReader) -> Result<BTreeMap<String, Column<'static>>, StorageError> {
     let columns = reader.columns().iter().map(|entry| {
         let name = entry.name.as_str();
         let column = match (entry.number, entry.components) {

@@ -1,6 +1,6 @@
 //! A file that is whole or absent: written beside its place under a staging name, renamed when complete.
 
-use super::OutputError;
+use super::StorageError;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -21,14 +21,14 @@ impl StagedFile {
     ///
     /// # Errors
     /// When the folder or the staging file cannot be made.
-    pub fn create(place: &Path) -> Result<Self, OutputError> {
+    pub fn create(place: &Path) -> Result<Self, StorageError> {
         if let Some(folder) = place.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            fs::create_dir_all(folder).map_err(|source| OutputError::system("make the folder", folder, source))?;
+            fs::create_dir_all(folder).map_err(|source| StorageError::system("make the folder", folder, source))?;
         }
         let mut name = place.file_name().unwrap_or_default().to_os_string();
         name.push(STAGING_SUFFIX);
         let staging = place.with_file_name(name);
-        let file = File::create(&staging).map_err(|source| OutputError::system("create", &staging, source))?;
+        let file = File::create(&staging).map_err(|source| StorageError::system("create", &staging, source))?;
         Ok(Self { place: place.to_path_buf(), staging, writer: Some(BufWriter::with_capacity(1 << 18, file)) })
     }
 
@@ -36,7 +36,7 @@ impl StagedFile {
     ///
     /// # Errors
     /// When the disk refuses; an older file at the place is untouched then.
-    pub fn commit(self) -> Result<(), OutputError> {
+    pub fn commit(self) -> Result<(), StorageError> {
         self.finish(false)
     }
 
@@ -44,12 +44,12 @@ impl StagedFile {
     ///
     /// # Errors
     /// As [`StagedFile::commit`].
-    pub fn commit_durably(self) -> Result<(), OutputError> {
+    pub fn commit_durably(self) -> Result<(), StorageError> {
         self.finish(true)
     }
 
-    fn finish(mut self, durably: bool) -> Result<(), OutputError> {
-        let failed = |source| OutputError::system("write", &self.place, source);
+    fn finish(mut self, durably: bool) -> Result<(), StorageError> {
+        let failed = |source| StorageError::system("write", &self.place, source);
         if let Some(writer) = self.writer.take() {
             let file = writer.into_inner().map_err(|error| failed(error.into_error()))?;
             if durably {
@@ -66,8 +66,8 @@ impl StagedFile {
     }
 
     /// Names the file in an error of one of its writes.
-    pub(crate) fn failed(&self, source: io::Error) -> OutputError {
-        OutputError::system("write", &self.place, source)
+    pub(crate) fn failed(&self, source: io::Error) -> StorageError {
+        StorageError::system("write", &self.place, source)
     }
 }
 
@@ -92,7 +92,7 @@ impl Drop for StagedFile {
 ///
 /// # Errors
 /// When the disk refuses; an older file at the place is untouched then.
-pub fn write_whole(place: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+pub fn write_whole(place: &Path, bytes: &[u8]) -> Result<(), StorageError> {
     let mut file = StagedFile::create(place)?;
     file.write_all(bytes).map_err(|source| file.failed(source))?;
     file.commit()
