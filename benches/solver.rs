@@ -87,6 +87,7 @@ fn simulation(particles: &[ParticleState], parts: Vec<Part>, size: Vec3, timeste
         skin,
         overlap_limit: 0.5,
         energy: false,
+        momentum: false,
         threads: 1,
     });
     simulation.insert(particles);

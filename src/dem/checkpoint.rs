@@ -5,12 +5,15 @@
 
 use super::energy::EnergyBudget;
 use super::feed::FeedRunnerState;
+use super::ghost::PrescribedMotion;
+use super::momentum::MomentumAccount;
 use super::neighbor::list::Memory;
 use super::neighborhood::ListSettings;
 use super::particles::{Acceleration, Load, Particles, Path, Sphere, Velocity};
 use super::presence::PresenceRecord;
 use super::removal::Removal;
 use super::simulation::{Setup, Simulation};
+use super::tether::{Tether, TetherLaw};
 use super::wall_contacts::WallContact;
 use super::watchdog::EnergyWatch;
 use crate::math::Vec3;
@@ -29,7 +32,7 @@ pub struct SimulationRecord {
 }
 
 /// Names of the real columns of a record.
-pub const REAL_COLUMNS: [&str; 9] = [
+pub const REAL_COLUMNS: [&str; 10] = [
     "sphere",
     "velocity",
     "acceleration",
@@ -39,9 +42,10 @@ pub const REAL_COLUMNS: [&str; 9] = [
     "inner_reference",
     "pair_memory",
     "wall_memory",
+    "tether",
 ];
 /// Names of the integer columns of a record.
-pub const INTEGER_COLUMNS: [&str; 4] = ["id", "material", "path", "wall_contact"];
+pub const INTEGER_COLUMNS: [&str; 5] = ["id", "material", "path", "wall_contact", "tether_id"];
 
 /// Why a record cannot be continued from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,6 +69,7 @@ struct Progress {
     lists: ListSettings,
     motion_bounds: [f64; 3],
     booked: EnergyBudget,
+    momentum: MomentumAccount,
     removed: Vec<Removal>,
     presence: PresenceRecord,
     energy_watch: EnergyWatch,
@@ -130,6 +135,24 @@ impl SimulationRecord {
         })
     }
 
+    fn tethers(&self) -> Result<Vec<Tether>, RecordError> {
+        let ids = self.integers("tether_id")?;
+        let rows = self.rows::<20>("tether", Some(ids.len()))?;
+        let tether = |(id, row): (&u64, &[f64; 20])| {
+            let vector = |first: usize| Vec3::new(row[first], row[first + 1], row[first + 2]);
+            let law = TetherLaw { frequency_squared: row[0], compliance: row[1] };
+            let target = PrescribedMotion {
+                position: vector(2),
+                velocity: vector(5),
+                spin: vector(8),
+                acceleration: vector(11),
+                spin_acceleration: vector(14),
+            };
+            Tether::new(ParticleId(*id), law, target, vector(17))
+        };
+        Ok(ids.iter().zip(&rows).map(tether).collect())
+    }
+
     fn wall_contacts(&self, count: usize, parts: &[Option<u16>]) -> Result<Vec<WallContact>, RecordError> {
         let (keys, rest) = self.integers("wall_contact")?.as_chunks::<3>();
         let memories = self.rows::<9>("wall_memory", Some(keys.len()))?;
@@ -158,6 +181,13 @@ fn memory_row(memory: &Memory) -> impl Iterator<Item = f64> {
     memory.tangential.iter().chain(memory.rolling.iter()).copied().collect::<Vec<f64>>().into_iter()
 }
 
+fn tether_row(tether: &Tether) -> Vec<f64> {
+    let PrescribedMotion { position, velocity, spin, acceleration, spin_acceleration } = &tether.target;
+    let law = [tether.law.frequency_squared, tether.law.compliance];
+    let vectors = [position, velocity, spin, acceleration, spin_acceleration, &tether.force];
+    law.into_iter().chain(vectors.into_iter().flat_map(|vector| vector.iter().copied())).collect()
+}
+
 impl Simulation {
     /// The complete state.
     #[must_use]
@@ -170,7 +200,7 @@ impl Simulation {
         let velocity = |v: &Velocity| {
             [v.linear[0], v.linear[1], v.linear[2], v.inverse_mass, v.angular[0], v.angular[1], v.angular[2]]
         };
-        let columns: [Vec<f64>; 9] = [
+        let columns: [Vec<f64>; 10] = [
             p.spheres.iter().flat_map(|s| [s.centre[0], s.centre[1], s.centre[2], s.radius]).collect(),
             p.velocities.iter().flat_map(velocity).collect(),
             p.accelerations.iter().flat_map(|a| pair([&a.linear, &a.angular])).collect(),
@@ -180,13 +210,15 @@ impl Simulation {
             neighborhood.inner_reference.iter().flatten().copied().collect(),
             pairs.flat_map(memory_row).collect(),
             walls().flat_map(|c| c.normal.iter().copied().chain(memory_row(&c.memory)).collect::<Vec<_>>()).collect(),
+            self.tethers.iter().flat_map(tether_row).collect(),
         ];
         let keys = walls().flat_map(|c| [u64::from(c.particle), u64::from(c.part), u64::from(c.element)]);
-        let integers: [Vec<u64>; 4] = [
+        let integers: [Vec<u64>; 5] = [
             p.ids.iter().map(|id| id.0).collect(),
             p.velocities.iter().map(|v| u64::from(v.material)).collect(),
             p.velocities.iter().map(|v| v.path as u64).collect(),
             keys.collect(),
+            self.tethers.iter().map(|tether| tether.id.0).collect(),
         ];
         SimulationRecord {
             reals: REAL_COLUMNS.into_iter().zip(columns).collect(),
@@ -207,6 +239,7 @@ impl Simulation {
             lists: self.neighborhood.settings(),
             motion_bounds: self.neighborhood.motion_bounds(),
             booked: self.booked,
+            momentum: self.momentum,
             removed: self.removed.clone(),
             presence: self.presence.record(),
             energy_watch: self.watchdog.energy_watch(),
@@ -239,6 +272,7 @@ impl Simulation {
         simulation.steps = progress.steps;
         simulation.loads_known = progress.loads_known;
         simulation.booked = progress.booked;
+        simulation.momentum = progress.momentum;
         simulation.removed = progress.removed;
         simulation.presence.restore(progress.presence, &mut simulation.walls);
         simulation.watchdog.restore_energy_watch(progress.energy_watch);
@@ -271,10 +305,12 @@ impl Simulation {
         for id in &mut simulation.particles.ids {
             *id = ParticleId::new(id.feed() + own, id.serial());
         }
+        for tether in &mut simulation.tethers {
+            tether.id = ParticleId::new(tether.id.feed() + own, tether.id.serial());
+        }
         for index in 0..simulation.particles.len() {
-            if simulation.particles.velocities[index].path == Path::Free {
-                let state = simulation.particles.state(index);
-                simulation.booked.inserted += simulation.mechanical_energy_of(&state);
+            if !simulation.particles.velocities[index].path.is_prescribed() {
+                simulation.book_comer(index);
             }
         }
         simulation.watchdog.expect_new_energy();
@@ -300,6 +336,7 @@ impl Simulation {
 
     fn take_particles(&mut self, record: &SimulationRecord, progress: &Progress) -> Result<(), RecordError> {
         self.particles = record.particles()?;
+        self.tethers = record.tethers()?;
         let count = self.particles.len();
         if count == 0 {
             return Ok(());

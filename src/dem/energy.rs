@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Energies [J]. With accounting on,
-/// kinetic + rotational + gravitational + elastic + slip + dashpot + rolling - wall_work - prescribed_work - inserted + removed
-/// - law_residual stays constant up to the error of the time step.
+/// kinetic + rotational + gravitational + elastic + slip + dashpot + rolling - wall_work - prescribed_work - tether_work - inserted
+/// + removed - law_residual stays constant up to the error of the time step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct EnergyBudget {
     /// Of the centres' motion.
@@ -25,6 +25,8 @@ pub struct EnergyBudget {
     pub wall_work: f64,
     /// Work of prescribed particles on the others.
     pub prescribed_work: f64,
+    /// Work of the tethers.
+    pub tether_work: f64,
     /// Brought in by feeds.
     pub inserted: f64,
     /// Taken out with particles that left.
@@ -40,6 +42,7 @@ impl EnergyBudget {
         self.kinetic + self.rotational + self.gravitational + self.elastic + self.slip + self.dashpot + self.rolling
             - self.wall_work
             - self.prescribed_work
+            - self.tether_work
             - self.inserted
             + self.removed
             - self.law_residual

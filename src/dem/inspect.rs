@@ -2,7 +2,6 @@
 
 use super::energy::EnergyBudget;
 use super::pair_contacts::{ContactScene, SeenContact, look};
-use super::particles::Path;
 use super::simulation::Simulation;
 use super::wall_contacts::{WallContact, look_at_walls};
 use crate::math::Vec3;
@@ -109,7 +108,7 @@ impl Simulation {
                         let candidate = list.candidates[entry];
                         // A pair of two chunks stands in both: seen from its lower index.
                         let other = candidate.partner as usize;
-                        let prescribed = |particle: usize| scene.velocities[particle].path != Path::Free;
+                        let prescribed = |particle: usize| scene.velocities[particle].path.is_prescribed();
                         if (!both && other < index) || (prescribed(index) && prescribed(other)) {
                             continue;
                         }
@@ -125,14 +124,14 @@ impl Simulation {
         }
     }
 
-    fn for_each_wall_contact(
+    pub(super) fn for_each_wall_contact(
         &self,
         scene: &ContactScene,
-        range: std::ops::Range<usize>,
+        indices: impl Iterator<Item = usize>,
         held: &[WallContact],
         visit: &mut impl FnMut(usize, Partner, Vec3, &SeenContact),
     ) {
-        for index in range.filter(|&index| scene.velocities[index].path == Path::Free) {
+        for index in indices.filter(|&index| !scene.velocities[index].path.is_prescribed()) {
             let from = held.partition_point(|contact| (contact.particle as usize) < index);
             let to = held.partition_point(|contact| contact.particle as usize <= index);
             look_at_walls(scene, &self.walls, index, &held[from..to], |point, seen| {
@@ -173,7 +172,7 @@ impl Simulation {
         let factor = self.setup.body.inertia_factor();
         for index in 0..self.particles.len() {
             let velocity = &self.particles.velocities[index];
-            if velocity.path != Path::Free {
+            if velocity.path.is_prescribed() {
                 continue;
             }
             let (mass, sphere) = (self.particles.mass(index), &self.particles.spheres[index]);

@@ -1,7 +1,6 @@
 //! Particles that leave the domain, or are taken out.
 
 use super::inspect::Partner;
-use super::particles::Path;
 use super::removal::{Removal, RemovalCause};
 use super::simulation::Simulation;
 use crate::particle::ParticleId;
@@ -44,9 +43,16 @@ impl Simulation {
         for &(index, cause) in leavers {
             let state = self.particles.state(index);
             // A prescribed particle's own energy is outside of the budget.
-            if self.particles.velocities[index].path == Path::Free {
+            if !self.particles.velocities[index].path.is_prescribed() {
                 self.booked.removed += self.mechanical_energy_of(&state);
+                let velocity = match cause {
+                    RemovalCause::Asked => state.velocity,
+                    // Within a time step: the velocity at its start, before it was estimated ahead.
+                    _ => state.velocity - self.velocity_gained(index),
+                };
+                self.note_goer(velocity * self.particles.mass(index));
             }
+            self.momentum.regrouped = true;
             self.removed.push(Removal {
                 id: state.id,
                 mass: self.particles.mass(index),
@@ -59,6 +65,10 @@ impl Simulation {
             let ids: HashSet<ParticleId> = leavers.iter().map(|(index, _)| self.particles.ids[*index]).collect();
             let leaves = |partner| matches!(partner, Partner::Particle(other) if ids.contains(&other));
             self.booked.removed += self.spring_energy(|id, partner| ids.contains(&id) || leaves(partner));
+        }
+        if !self.tethers.is_empty() {
+            let ids: HashSet<ParticleId> = leavers.iter().map(|(index, _)| self.particles.ids[*index]).collect();
+            self.tethers.retain(|tether| !ids.contains(&tether.id));
         }
         let gone: HashSet<usize> = leavers.iter().map(|(index, _)| *index).collect();
         self.retain(|index| !gone.contains(&index));

@@ -6,7 +6,7 @@ use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Images, InnerList, Memory};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
-use super::particles::{Particles, Path, Sphere};
+use super::particles::{Particles, Sphere};
 use super::simulation::Simulation;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
 use crate::math::{Bounds, Vec3};
@@ -203,6 +203,39 @@ impl Neighborhood {
         }
     }
 
+    /// The chunk of the particle stored at `index`.
+    pub(super) fn chunk_of(&self, index: usize) -> usize {
+        self.chunks.partition_point(|chunk| chunk.range.end <= index)
+    }
+
+    /// Sets the memory of the contact of particle `index` with particle `other`, seen from the former, wherever it is kept: a pair
+    /// of one chunk stands once, a pair of two chunks in both. False where the two are not near each other.
+    pub(super) fn remember(&mut self, index: usize, other: usize, memory: &Memory) -> bool {
+        let mut found = false;
+        for (from, to, memory) in [(index, other, *memory), (other, index, memory.mirrored())] {
+            let number = self.chunk_of(from);
+            let chunk = &mut self.chunks[number];
+            let row = from - chunk.range.start;
+            for list in [&mut chunk.own, &mut chunk.cross] {
+                for entry in list.row(row).filter(|&entry| list.candidates[entry].partner as usize == to) {
+                    found = true;
+                    if let Some(slot) = list.memory.get_mut(entry) {
+                        *slot = memory;
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Adds a contact with a part.
+    pub(super) fn remember_part(&mut self, contact: WallContact) {
+        let number = self.chunk_of(contact.particle as usize);
+        let contacts = &mut self.chunks[number].wall_contacts;
+        let place = contacts.partition_point(|held| held.particle <= contact.particle);
+        contacts.insert(place, contact);
+    }
+
     /// What the lists are made with.
     #[must_use]
     pub const fn settings(&self) -> ListSettings {
@@ -334,7 +367,7 @@ impl Simulation {
                 let length = domain.maximum[axis] - domain.minimum[axis];
                 let turns = ((sphere.centre[axis] - domain.minimum[axis]) / length).floor();
                 sphere.centre[axis] -= turns * length;
-                if velocity.path == Path::Free {
+                if !velocity.path.is_prescribed() {
                     lifted += turns * length * self.setup.gravity[axis] / velocity.inverse_mass;
                 }
             }

@@ -6,7 +6,7 @@ use super::law::constants::{LawTable, PairConstants};
 use super::law::tangential::tangential_energy;
 use super::law::{Compatibility, LawSettings, NormalMotion};
 use super::neighbor::list::{Candidate, Images, InnerList, Memory, NO_IMAGE};
-use super::particles::{Acceleration, Load, Path, Sphere, Velocity};
+use super::particles::{Acceleration, Load, Sphere, Velocity};
 use crate::math::Vec3;
 
 /// What all chunks read while they compute contacts.
@@ -114,7 +114,7 @@ pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: boo
                 continue;
             };
             let b = &scene.velocities[partner];
-            if a.path != Path::Free && b.path != Path::Free {
+            if a.path.is_prescribed() && b.path.is_prescribed() {
                 if remembers {
                     list.memory[entry] = Memory::NONE;
                 }
@@ -204,6 +204,8 @@ pub struct SeenContact {
     pub answer: Answer,
     /// Elastic energy [J].
     pub elastic_energy: f64,
+    /// Memory as it is kept.
+    pub kept: Memory,
 }
 
 /// Looks at a contact without moving its memory.
@@ -231,5 +233,5 @@ pub fn seen(
     let mut tally = Tally::default();
     let answer = answer::<true, true, false>(settings, pair, touch, 0.0, &mut memory, &mut tally, 1.0);
     let elastic_energy = elastic_energy(settings, &answer.normal, &before);
-    SeenContact { touch: *touch, lever, answer, elastic_energy }
+    SeenContact { touch: *touch, lever, answer, elastic_energy, kept: *kept }
 }

@@ -48,6 +48,10 @@ pub enum Path {
     Constant = 1,
     /// Prescribed: free fall.
     Ballistic = 2,
+    /// Prescribed from outside after every time step: place, velocity, spin and their accelerations.
+    Recorded = 3,
+    /// By the forces on it, a tether to a recorded path among them.
+    Tethered = 4,
 }
 
 impl Path {
@@ -58,8 +62,17 @@ impl Path {
             0 => Some(Self::Free),
             1 => Some(Self::Constant),
             2 => Some(Self::Ballistic),
+            3 => Some(Self::Recorded),
+            4 => Some(Self::Tethered),
             _ => None,
         }
+    }
+
+    /// Whether the particle follows its path whatever acts on it.
+    #[inline(always)]
+    #[must_use]
+    pub const fn is_prescribed(self) -> bool {
+        matches!(self, Self::Constant | Self::Ballistic | Self::Recorded)
     }
 }
 

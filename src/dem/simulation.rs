@@ -6,10 +6,12 @@ use super::feed::runner::FeedRunner;
 use super::inspect::Partner;
 use super::law::constants::LawTable;
 use super::law::{LawSettings, RollingLaw};
+use super::momentum::MomentumAccount;
 use super::neighborhood::{ListSettings, Neighborhood};
 use super::particles::Particles;
 use super::presence::{PartEvent, Presence};
 use super::removal::Removal;
+use super::tether::Tether;
 use super::threads::Threads;
 use super::wall::Walls;
 use super::wall_contacts::PartLoad;
@@ -51,6 +53,8 @@ pub struct Setup {
     pub overlap_limit: f64,
     /// Whether losses are accounted for.
     pub energy: bool,
+    /// Whether the momentum is accounted for; it is too where `energy` is set.
+    pub momentum: bool,
     /// Number of threads; changes no bit of the result.
     pub threads: usize,
 }
@@ -84,6 +88,8 @@ pub struct Simulation {
     pub(super) loads_known: bool,
     /// Accumulated entries of the budget; the instantaneous ones are computed when asked for.
     pub(super) booked: EnergyBudget,
+    pub(super) momentum: MomentumAccount,
+    pub(super) tethers: Vec<Tether>,
     pub(super) removed: Vec<Removal>,
     pub(super) watchdog: Watchdog,
     pub(super) phases: super::phase::PhaseTimes,
@@ -119,6 +125,8 @@ impl Simulation {
             steps: 0,
             loads_known: false,
             booked: EnergyBudget::default(),
+            momentum: MomentumAccount::default(),
+            tethers: Vec::new(),
             removed: Vec::new(),
             watchdog: Watchdog::default(),
             phases: super::phase::PhaseTimes::default(),
@@ -146,11 +154,15 @@ impl Simulation {
         }
         self.advance();
         self.remove_leavers();
+        self.book_old_forces();
         self.steps += 1;
         self.walls.set_time(self.time());
         self.refresh_neighborhood();
         self.compute_loads(self.setup.timestep);
+        self.pull_tethers();
         self.correct();
+        self.book_tethers();
+        self.book_new_forces();
         self.watch()
     }
 
@@ -183,6 +195,7 @@ impl Simulation {
             self.booked.inserted += self.mechanical_energy_of(&self.particles.state(last));
             // A newcomer falls freely until its first contact; loads at time 0 are computed before the first step.
             self.particles.accelerations[last].linear = self.setup.body.in_plane(&self.setup.gravity);
+            self.note_comer(self.momentum_of(last));
         }
         self.watchdog.expect_new_energy();
         self.rebuild_neighborhood();

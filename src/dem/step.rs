@@ -36,6 +36,11 @@ impl Simulation {
         }
     }
 
+    /// What [`Simulation::advance`] adds to a particle's velocity [m/s].
+    pub(super) fn velocity_gained(&self, index: usize) -> Vec3 {
+        self.particles.accelerations[index].linear * (self.velocity_lead() * self.setup.timestep)
+    }
+
     fn ranges(&self) -> Vec<Range<usize>> {
         self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect()
     }
@@ -76,11 +81,13 @@ impl Simulation {
             return;
         }
         self.compute_loads(0.0);
+        self.momentum.regrouped = true;
         let (gravity, body) = (self.setup.gravity, self.setup.body);
         for index in 0..self.particles.len() {
             let load = self.particles.loads[index];
             let (velocity, radius) = (&self.particles.velocities[index], self.particles.spheres[index].radius);
-            self.particles.accelerations[index] = acceleration(&load, velocity, radius, &gravity, body);
+            let old = self.particles.accelerations[index];
+            self.particles.accelerations[index] = acceleration(&load, velocity, radius, &old, &gravity, body);
         }
     }
 
@@ -151,7 +158,7 @@ impl Simulation {
             let mut springs = chunk.springs.iter();
             let own = loads[range.clone()].iter().zip(&spheres[range.clone()]);
             for ((velocity, old), (load, sphere)) in velocities.iter_mut().zip(accelerations).zip(own) {
-                let new = acceleration(load, velocity, sphere.radius, &gravity, body);
+                let new = acceleration(load, velocity, sphere.radius, old, &gravity, body);
                 let linear = Vec3::from(velocity.linear) + (new.linear * 0.5 + old.linear * (0.5 - lead)) * dt;
                 let angular = Vec3::from(velocity.angular) + (new.angular * 0.5 + old.angular * (0.5 - lead)) * dt;
                 if let Some(spring) = springs.next() {
@@ -162,7 +169,8 @@ impl Simulation {
                 velocity.linear = linear.into();
                 velocity.angular = angular.into();
                 *old = new;
-                if velocity.path != Path::Free {
+                if velocity.path.is_prescribed() {
+                    note.prescribed_force += load.force;
                     // Its contacts do this work on it; it gives the same to the others.
                     note.prescribed_work -= (load.force.dot(&linear) + load.torque.dot(&angular)) * dt;
                 }
@@ -172,6 +180,7 @@ impl Simulation {
         });
         let total = notes.iter().map(|note| note.speed_square_sum).sum::<f64>();
         self.booked.prescribed_work += notes.iter().map(|note| note.prescribed_work).sum::<f64>();
+        self.momentum.ghost_force = notes.iter().map(|note| note.prescribed_force).sum();
         self.booked.dashpot -= notes.iter().map(|note| note.late_work).sum::<f64>();
         let places = notes.iter().map(|note| note.place_sum).sum::<f64>();
         self.watchdog.note_finite(total.is_finite() && places.is_finite());
@@ -185,6 +194,8 @@ struct StepNote {
     /// Work that contacts did, springs in normal direction apart, beyond what the laws have booked [J].
     late_work: f64,
     prescribed_work: f64,
+    /// Sum of the loads on prescribed particles [N].
+    prescribed_force: Vec3,
     /// Finite exactly while every velocity is.
     speed_square_sum: f64,
     /// Finite exactly while every place is.
@@ -220,11 +231,19 @@ fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
     );
 }
 
-/// Acceleration of a particle under its load and gravity; a prescribed one follows its path.
+/// Acceleration of a particle under its load and gravity; a prescribed one follows its path, on a recorded path with the
+/// acceleration `held` that came with it.
 #[inline(always)]
-pub(super) fn acceleration(load: &Load, velocity: &Velocity, radius: f64, gravity: &Vec3, body: Body) -> Acceleration {
+pub(super) fn acceleration(
+    load: &Load,
+    velocity: &Velocity,
+    radius: f64,
+    held: &Acceleration,
+    gravity: &Vec3,
+    body: Body,
+) -> Acceleration {
     match velocity.path {
-        Path::Free => {
+        Path::Free | Path::Tethered => {
             let inverse_inertia = velocity.inverse_mass / (body.inertia_factor() * radius * radius);
             Acceleration {
                 linear: body.in_plane(&(load.force * velocity.inverse_mass + gravity)),
@@ -232,6 +251,7 @@ pub(super) fn acceleration(load: &Load, velocity: &Velocity, radius: f64, gravit
             }
         }
         Path::Constant => Acceleration { linear: Vec3::zeros(), angular: Vec3::zeros() },
+        Path::Recorded => *held,
         Path::Ballistic => Acceleration { linear: body.in_plane(gravity), angular: Vec3::zeros() },
     }
 }

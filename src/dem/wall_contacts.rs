@@ -6,7 +6,7 @@ use super::law::{Compatibility, NormalMotion};
 use super::neighbor::list::Memory;
 use super::pair_contacts;
 use super::pair_contacts::{ContactScene, SeenContact, left_in_spring};
-use super::particles::{Load, Path, Sphere};
+use super::particles::{Load, Sphere};
 use super::wall::{Candidate, WallPoint, Walls};
 use crate::math::Vec3;
 
@@ -101,7 +101,7 @@ pub fn add_wall_loads<const FRICTION: bool, const ROLLING: bool, const ENERGY: b
     for &(particle, from, to) in &near.rows {
         let index = particle as usize;
         let sphere = &scene.spheres[index];
-        if scene.velocities[index].path != Path::Free {
+        if scene.velocities[index].path.is_prescribed() {
             continue;
         }
         scratch.points.clear();

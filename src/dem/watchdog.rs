@@ -2,6 +2,7 @@
 
 use super::energy::DeepContact;
 use super::simulation::Simulation;
+use super::tether::{STABLE, StiffTether};
 use crate::particle::ParticleId;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -35,6 +36,8 @@ pub enum StopCause {
     FastParticle,
     /// Mechanical energy grew without work being done.
     EnergyFromNothing,
+    /// A tether too stiff for the time step.
+    StiffTether,
 }
 
 impl std::fmt::Display for Stop {
@@ -49,6 +52,7 @@ impl std::error::Error for Stop {}
 #[derive(Debug, Clone, Default)]
 pub struct Watchdog {
     deep: Option<DeepContact>,
+    stiff: Option<StiffTether>,
     not_finite: bool,
     displacement: f64,
     energy: EnergyWatch,
@@ -80,6 +84,10 @@ impl Watchdog {
         }
     }
 
+    pub(super) fn note_stiff_tether(&mut self, tether: StiffTether) {
+        self.stiff = Some(tether);
+    }
+
     pub(super) fn note_finite(&mut self, finite: bool) {
         self.not_finite |= !finite;
     }
@@ -109,6 +117,9 @@ impl Simulation {
         }
         if let Some(deep) = self.watchdog.deep.take() {
             return Err(self.stop_deep(&deep));
+        }
+        if let Some(stiff) = self.watchdog.stiff.take() {
+            return Err(self.stop_stiff(&stiff));
         }
         let smallest = self.neighborhood.smallest_radius();
         if self.watchdog.displacement > DISPLACEMENT_LIMIT * smallest {
@@ -211,6 +222,21 @@ impl Simulation {
         let next = "raise the stiffness (overlap falls with E^-0.4 in an impact), lower the impact speed, or raise \
                     solver.overlap_limit if such overlaps are meant; if it happens at once, the start state overlaps";
         self.stop(StopCause::DeepOverlap, Some(index), what, next)
+    }
+
+    fn stop_stiff(&self, stiff: &StiffTether) -> Stop {
+        let id = self.particles.ids[stiff.particle];
+        let what = format!(
+            "particle {} of feed {} is {:.3e} m off its recorded path, where its tether is too stiff for the time step (w2 dt^2 \
+             (1 + 3 (e/c)^2) = {:.2}, limit {STABLE})",
+            id.serial(),
+            id.feed(),
+            stiff.excursion,
+            stiff.number
+        );
+        let next = "the particles beyond the gate do not yield as they did in the record: allow a larger compliance, or place \
+                    the gate where the flow is free; if it happens at once, lower solver.timestep";
+        self.stop(StopCause::StiffTether, Some(stiff.particle), what, next)
     }
 
     fn stop_fast(&self) -> Stop {

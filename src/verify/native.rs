@@ -25,6 +25,7 @@ impl Experiment for Native {
             skin: 0.2 * largest,
             overlap_limit: setup.overlap_limit,
             energy: setup.energy,
+            momentum: false,
             threads: 1,
         });
         simulation.insert(&setup.particles);

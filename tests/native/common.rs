@@ -78,6 +78,7 @@ pub fn empty(radius: f64, law: LawSettings, properties: PairProperties) -> Setup
         skin: 0.4 * radius,
         overlap_limit: 0.3,
         energy: true,
+        momentum: false,
         threads: 1,
     }
 }

@@ -32,6 +32,7 @@ pub fn setup(scene: &Scene, plan: &Plan, threads: usize) -> Setup {
         skin: plan.skin.skin,
         overlap_limit: scene.solver.overlap_limit,
         energy: plan.is_on("energy_budget"),
+        momentum: false,
         threads,
     }
 }

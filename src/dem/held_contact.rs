@@ -1,0 +1,179 @@
+//! The contacts of chosen particles, with what is needed to continue them elsewhere.
+
+use super::inspect::Partner;
+use super::neighbor::list::{Candidate, Images, Memory};
+use super::neighborhood::Chunk;
+use super::pair_contacts::{SeenContact, look};
+use super::particles::Path;
+use super::simulation::Simulation;
+use crate::math::Vec3;
+use crate::particle::ParticleId;
+
+/// A contact as seen from one of its particles, at the present full step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeldContact {
+    /// The other body.
+    pub partner: Partner,
+    /// Contact point [m].
+    pub point: Vec3,
+    /// Unit normal towards the other body [-].
+    pub normal: Vec3,
+    /// Overlap [m].
+    pub overlap: f64,
+    /// Normal force on the particle [N].
+    pub normal_force: Vec3,
+    /// Tangential force on the particle [N].
+    pub tangential_force: Vec3,
+    /// Memory as the solver keeps it, half a time step ahead.
+    pub memory: Memory,
+}
+
+/// A contact between a prescribed and a free particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GhostContact {
+    /// The prescribed particle.
+    pub ghost: ParticleId,
+    /// The free one.
+    pub resident: ParticleId,
+    /// Overlap over the smaller radius [-].
+    pub overlap_ratio: f64,
+    /// Velocity of the free one [m/s].
+    pub resident_velocity: Vec3,
+    /// Normal force on the free one [N].
+    pub normal_force: Vec3,
+}
+
+impl HeldContact {
+    fn new(partner: Partner, point: Vec3, seen: &SeenContact) -> Self {
+        let normal_force = seen.touch.normal * -seen.answer.normal.total;
+        Self {
+            partner,
+            point,
+            normal: seen.touch.normal,
+            overlap: seen.touch.overlap,
+            normal_force,
+            tangential_force: seen.answer.force - normal_force,
+            memory: seen.kept,
+        }
+    }
+}
+
+impl Simulation {
+    /// Contacts of the particles `ids`, each seen from that particle, sorted by partner; in the order of `ids`. Unknown
+    /// identities are left out. A prescribed particle has contacts with free particles only.
+    #[must_use]
+    pub fn contacts_of(&self, ids: &[ParticleId]) -> Vec<(ParticleId, Vec<HeldContact>)> {
+        let found = self.indices_of(ids);
+        let mut slot_of: Vec<(usize, usize)> = Vec::with_capacity(ids.len());
+        let mut lists: Vec<(ParticleId, Vec<HeldContact>)> = Vec::with_capacity(ids.len());
+        for id in ids {
+            if let Some(index) = found.get(*id) {
+                slot_of.push((index, lists.len()));
+                lists.push((*id, Vec::new()));
+            }
+        }
+        slot_of.sort_unstable();
+        slot_of.dedup_by_key(|(index, _)| *index);
+        let slot = |index: usize| slot_of.binary_search_by_key(&index, |(held, _)| *held).ok().map(|n| slot_of[n].1);
+        let marked = self.marks(slot_of.iter().map(|(index, _)| *index));
+        self.for_each_contact_of(&marked, |index, other, point, seen| {
+            if let Some(slot) = slot(index) {
+                lists[slot].1.push(HeldContact::new(other.0, point, seen));
+            }
+        });
+        lists.iter_mut().for_each(|(_, contacts)| contacts.sort_by_key(|contact| contact.partner));
+        lists
+    }
+
+    /// Contacts of prescribed with free particles (tethered ones apart), sorted by identity.
+    #[must_use]
+    pub fn ghost_pressure(&self) -> Vec<GhostContact> {
+        let velocities = &self.particles.velocities;
+        let prescribed: Vec<bool> = velocities.iter().map(|velocity| velocity.path.is_prescribed()).collect();
+        let mut contacts = Vec::new();
+        self.for_each_contact_of(&prescribed, |index, (partner, other), _, seen| {
+            let (Partner::Particle(resident), Some(other)) = (partner, other) else { return };
+            if velocities[other].path != Path::Free {
+                return;
+            }
+            let radius = |index: usize| self.particles.spheres[index].radius;
+            contacts.push(GhostContact {
+                ghost: self.particles.ids[index],
+                resident,
+                overlap_ratio: seen.touch.overlap / radius(index).min(radius(other)),
+                resident_velocity: Vec3::from(velocities[other].linear),
+                normal_force: seen.touch.normal * seen.answer.normal.total,
+            });
+        });
+        contacts.sort_by_key(|contact| (contact.ghost, contact.resident));
+        contacts
+    }
+
+    /// True at the storage indices given.
+    pub(super) fn marks(&self, indices: impl Iterator<Item = usize>) -> Vec<bool> {
+        let mut marked = vec![false; self.particles.len()];
+        indices.for_each(|index| marked[index] = true);
+        marked
+    }
+
+    /// Calls `visit` for every contact of the marked particles, seen from them: (storage index, (the other body, its storage
+    /// index where it is a particle), contact point [m], contact). A contact of two marked particles is seen from both.
+    /// Only chunks that hold a marked particle are looked at.
+    pub(super) fn for_each_contact_of(
+        &self,
+        marked: &[bool],
+        mut visit: impl FnMut(usize, (Partner, Option<usize>), Vec3, &SeenContact),
+    ) {
+        let scene = self.contact_scene();
+        let mut see = |index: usize, candidate: Candidate, kept: Memory| {
+            let other = candidate.partner as usize;
+            let prescribed = |particle: usize| scene.velocities[particle].path.is_prescribed();
+            if prescribed(index) && prescribed(other) {
+                return;
+            }
+            if let Some(seen) = look(&scene, index, candidate, Some(&kept)) {
+                let point = scene.spheres[index].position() + seen.touch.normal * seen.lever;
+                visit(index, (Partner::Particle(self.particles.ids[other]), Some(other)), point, &seen);
+            }
+        };
+        let concerned = |chunk: &&Chunk| marked[chunk.range.clone()].contains(&true);
+        for chunk in self.neighborhood.chunks.iter().filter(concerned) {
+            for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
+                for row in 0..chunk.range.len() {
+                    let index = chunk.range.start + row;
+                    for entry in list.row(row) {
+                        let candidate = list.candidates[entry];
+                        let kept = || list.memory.get(entry).copied().unwrap_or(Memory::NONE);
+                        if marked[index] {
+                            see(index, candidate, kept());
+                        }
+                        if both && marked[candidate.partner as usize] {
+                            let back = Candidate { partner: index as u32, image: Images::opposite(candidate.image) };
+                            see(candidate.partner as usize, back, kept().mirrored());
+                        }
+                    }
+                }
+            }
+        }
+        for chunk in self.neighborhood.chunks.iter().filter(concerned) {
+            let own = chunk.range.clone().filter(|&index| marked[index]);
+            self.for_each_wall_contact(&scene, own, &chunk.wall_contacts, &mut |index, partner, point, seen| {
+                visit(index, (partner, None), point, seen);
+            });
+        }
+    }
+
+    /// Energy [J] in the springs of the marked particles' contacts; not looked at where losses are not accounted for.
+    pub(super) fn springs_of(&self, marked: &[bool]) -> f64 {
+        let mut sum = 0.0;
+        if self.terms.energy {
+            self.for_each_contact_of(marked, |index, (_, other), _, seen| {
+                // Two marked particles see their contact twice.
+                if other.is_none_or(|other| !marked[other] || index < other) {
+                    sum += seen.elastic_energy;
+                }
+            });
+        }
+        sum
+    }
+}

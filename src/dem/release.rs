@@ -1,0 +1,164 @@
+//! Prescribed particles become free where a record says they crossed.
+
+use super::ghost::PrescribedMotion;
+use super::inspect::Partner;
+use super::lookup::Indices;
+use super::neighbor::list::Memory;
+use super::particles::{Load, Path};
+use super::simulation::Simulation;
+use super::wall::WallPoint;
+use super::wall_contacts::WallContact;
+use crate::math::Vec3;
+use crate::particle::{ParticleId, ParticleState};
+
+/// A particle that becomes free at the present full step, with all that its next step follows from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arrival {
+    /// State.
+    pub state: ParticleState,
+    /// Force by its contacts [N].
+    pub force: Vec3,
+    /// Torque by its contacts [N m].
+    pub torque: Vec3,
+    /// Its contacts, with their memory as the solver keeps it, seen from this particle.
+    pub contacts: Vec<(Partner, Memory)>,
+}
+
+/// What became of the contacts of arrivals. Every contact is counted once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ReleaseCount {
+    /// Contacts with particles still on prescribed paths: the stored memory was set.
+    pub restored: u64,
+    /// Contacts with free particles: the solver's own memory was kept.
+    pub kept_by_solver: u64,
+    /// Contacts whose partner is not here, or not within reach: nothing was set.
+    pub without_partner: u64,
+    /// Contacts with parts: the stored memory was set.
+    pub with_parts: u64,
+}
+
+impl Simulation {
+    /// Frees prescribed particles with exactly the state given; their acceleration follows from the force and torque given as
+    /// it would have followed at the end of a time step. A particle that is not here is inserted; one that is free already,
+    /// tethered or not, is left as it is.
+    ///
+    /// Memory is restored where it is this particle's part to bring it: with partners that are still prescribed, and with
+    /// parts. The memory of a contact with a free partner is the solver's own.
+    pub fn release(&mut self, arrivals: &[Arrival]) -> ReleaseCount {
+        if arrivals.is_empty() {
+            return ReleaseCount::default();
+        }
+        // Else the loads at the start would be computed over what is set here.
+        self.prepare();
+        self.bring_absent(arrivals);
+        let ids: Vec<ParticleId> = arrivals.iter().map(|arrival| arrival.state.id).collect();
+        let here = self.indices_of(&ids);
+        let motion = |arrival: &Arrival| {
+            let index = here.get(arrival.state.id)?;
+            self.particles.velocities[index].path.is_prescribed().then(|| (index, resting(&arrival.state)))
+        };
+        let motions: Vec<_> = arrivals.iter().filter_map(motion).collect();
+        self.place(&motions);
+        // Lists that the jump has made too old would lack pairs that are to be given a memory.
+        self.refresh_neighborhood();
+        self.free(arrivals)
+    }
+
+    /// Inserts the particles that are not here, as prescribed ones.
+    fn bring_absent(&mut self, arrivals: &[Arrival]) {
+        let ids: Vec<ParticleId> = arrivals.iter().map(|arrival| arrival.state.id).collect();
+        let here = self.indices_of(&ids);
+        let absent = arrivals.iter().filter(|arrival| here.get(arrival.state.id).is_none());
+        let ghosts: Vec<_> = absent.map(|arrival| (arrival.state, Path::Recorded, resting(&arrival.state))).collect();
+        self.insert_prescribed(&ghosts);
+    }
+
+    fn free(&mut self, arrivals: &[Arrival]) -> ReleaseCount {
+        let mut ids: Vec<ParticleId> = Vec::new();
+        for arrival in arrivals {
+            ids.push(arrival.state.id);
+            ids.extend(arrival.contacts.iter().filter_map(|(partner, _)| match partner {
+                Partner::Particle(id) => Some(*id),
+                Partner::Part { .. } => None,
+            }));
+        }
+        let here = self.indices_of(&ids);
+        let arriving = arrivals.iter().filter_map(|arrival| here.get(arrival.state.id));
+        let marked = self.marks(arriving);
+        let springs = self.springs_of(&marked);
+        let mut count = ReleaseCount::default();
+        for arrival in arrivals {
+            let index = here.get(arrival.state.id).expect("the absent have been inserted");
+            if !self.particles.velocities[index].path.is_prescribed() {
+                continue;
+            }
+            self.particles.velocities[index].path = Path::Free;
+            self.particles.loads[index] = Load { force: arrival.force, torque: arrival.torque };
+            self.update_acceleration(index);
+            self.book_comer(index);
+            self.restore_contacts(index, &arrival.contacts, &here, &mut count);
+        }
+        self.book_springs(&marked, springs);
+        count
+    }
+
+    fn restore_contacts(
+        &mut self,
+        index: usize,
+        contacts: &[(Partner, Memory)],
+        here: &Indices,
+        count: &mut ReleaseCount,
+    ) {
+        let mut points = self.points_on_parts(index);
+        for (partner, memory) in contacts {
+            match partner {
+                Partner::Particle(id) => match here.get(*id) {
+                    Some(other) if !self.particles.velocities[other].path.is_prescribed() => count.kept_by_solver += 1,
+                    Some(other) if self.neighborhood.remember(index, other, memory) => count.restored += 1,
+                    _ => count.without_partner += 1,
+                },
+                Partner::Part { part, element } => match take_point(&mut points, *part, *element) {
+                    Some(point) => {
+                        self.neighborhood.remember_part(WallContact {
+                            particle: index as u32,
+                            part: *part,
+                            element: point.element,
+                            normal: point.normal,
+                            memory: *memory,
+                        });
+                        count.with_parts += 1;
+                    }
+                    None => count.without_partner += 1,
+                },
+            }
+        }
+    }
+
+    /// Where particle `index` touches parts.
+    fn points_on_parts(&self, index: usize) -> Vec<WallPoint> {
+        let sphere = &self.particles.spheres[index];
+        let (mut near, mut points) = (Vec::new(), Vec::new());
+        self.walls.candidates(&sphere.position(), sphere.radius, &mut near);
+        self.walls.contacts(&near, &sphere.position(), sphere.radius, &mut points);
+        points
+    }
+}
+
+/// The state as a motion; the acceleration is found once the particle is free.
+const fn resting(state: &ParticleState) -> PrescribedMotion {
+    PrescribedMotion {
+        position: state.position,
+        velocity: state.velocity,
+        spin: state.spin,
+        acceleration: Vec3::new(0.0, 0.0, 0.0),
+        spin_acceleration: Vec3::new(0.0, 0.0, 0.0),
+    }
+}
+
+/// Takes the point of a part that a stored contact continues: on the same triangle, else the first one left of that part, as a
+/// part may be meshed otherwise where the record was made.
+fn take_point(points: &mut Vec<WallPoint>, part: u16, element: u32) -> Option<WallPoint> {
+    let same = points.iter().position(|point| point.part == part && point.element == element);
+    let found = same.or_else(|| points.iter().position(|point| point.part == part))?;
+    Some(points.remove(found))
+}
