@@ -1,9 +1,9 @@
 //! Materials, and what holds between two of them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A material of the scene.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Name in the scene.
     pub name: String,
@@ -14,7 +14,7 @@ pub struct Material {
 }
 
 /// Elastic constants of an isotropic solid.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Elasticity {
     /// Young's modulus E [Pa] and Poisson's ratio nu [-].
     Isotropic {

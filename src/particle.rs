@@ -54,7 +54,7 @@ pub struct ParticleState {
 }
 
 /// Mass and inertia of the particle body that a scene's dimensions imply.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Body {
     /// Spheres in space: m = 4/3 pi r^3 rho, I = 2/5 m r^2.
     Sphere,

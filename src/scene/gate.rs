@@ -36,7 +36,7 @@ pub enum PassingPoint {
 }
 
 /// The upstream run after the gate.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Exclusion {
     /// How a recorded particle moves on.
     pub mode: ExclusionMode,
@@ -57,7 +57,7 @@ pub enum ExclusionMode {
 }
 
 /// How paths before the gate are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PathRecording {
     /// Time steps between two stored states; 1 is exact.
     pub every: u64,

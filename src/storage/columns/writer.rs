@@ -39,6 +39,14 @@ impl<'a> ColumnWriter<'a> {
     /// # Errors
     /// When the disk refuses, or two columns have one name.
     pub fn write(&self, path: &Path) -> Result<(), StorageError> {
+        self.write_described(path).map(drop)
+    }
+
+    /// As [`ColumnWriter::write`]; returns what the header says about each column.
+    ///
+    /// # Errors
+    /// As [`ColumnWriter::write`].
+    pub fn write_described(&self, path: &Path) -> Result<Vec<ColumnEntry>, StorageError> {
         let header = self.header(path)?;
         let text = serde_json::to_vec(&header).map_err(|error| StorageError::mismatch(path, error.to_string()))?;
         let mut file = StagedFile::create(path)?;
@@ -49,7 +57,8 @@ impl<'a> ColumnWriter<'a> {
             .and_then(|()| file.write_all(&text))
             .and_then(|()| self.columns.iter().try_for_each(|(_, column)| write_bytes(column, &mut file)));
         written.map_err(|source| file.failed(source))?;
-        file.commit_durably()
+        file.commit_durably()?;
+        Ok(header.columns)
     }
 
     fn header(&self, path: &Path) -> Result<Header, StorageError> {
@@ -101,8 +110,8 @@ fn write_bytes(column: &Column, out: &mut impl Write) -> io::Result<()> {
         Column::U16(values) => write_numbers(values, u16::to_le_bytes, out),
         Column::U8(values) => out.write_all(values),
         Column::Vec3(values) => values.chunks(CHUNK).try_for_each(|chunk| {
-            let flat: Vec<f64> = chunk.iter().flatten().copied().collect();
-            write_numbers(&flat, f64::to_le_bytes, out)
+            let flat: Vec<[f64; 3]> = chunk.iter().map(|vector| vector.data.0[0]).collect();
+            write_numbers(flat.as_flattened(), f64::to_le_bytes, out)
         }),
     }
 }
@@ -113,7 +122,7 @@ fn write_numbers<T: Copy, const N: usize>(
     out: &mut impl Write,
 ) -> io::Result<()> {
     values.chunks(CHUNK).try_for_each(|chunk| {
-        let block: Vec<u8> = chunk.iter().flat_map(|&value| bytes(value)).collect();
-        out.write_all(&block)
+        let block: Vec<[u8; N]> = chunk.iter().map(|&value| bytes(value)).collect();
+        out.write_all(block.as_flattened())
     })
 }
