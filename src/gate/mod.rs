@@ -5,6 +5,9 @@
 //! Nothing here knows who computes: a backend shows particles and carries out what is asked.
 
 pub mod crossing;
+pub mod ghost;
+pub mod id_map;
+pub mod record;
 pub mod stream;
 
 /// Time steps between two looks at what must enter or leave a run at a gate. Each look may renew the neighbour lists, so

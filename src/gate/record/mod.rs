@@ -1,0 +1,319 @@
+//! The recorder: watches a gate and turns passages into crossings.
+//!
+//! A crossing is the first time that the passing point's distance s from the plane changes from < 0 to >= 0 inside of the
+//! aperture. s = 0 exactly at a time step has passed; a path that turns just before has not.
+//!
+//! Only particles near the plane are kept in a table: those before it, within the path length, and those that have passed and
+//! are still in the run. All others cost one dot product a time step.
+//!
+//! Before the gate's first crossing only the newest two motions of every path are kept: downstream there is nobody yet on whom
+//! a ghost could act, and a hopper may rest above its closed outlet for long. Residents that the downstream stage has of its own
+//! meet ghosts with correspondingly short paths until then.
+
+mod checkpoint;
+mod fate;
+pub mod passage;
+pub mod profile;
+#[cfg(test)]
+mod tests;
+
+pub use checkpoint::RecorderState;
+pub use fate::RecordTally;
+
+use super::HAND_OVER_STEPS;
+use super::crossing::{Crossing, Motion, Passage, Seen, StoredContact};
+use super::id_map::IdMap;
+use crate::math::Vec3;
+use crate::particle::{ParticleId, ParticleState};
+use crate::scene::gate::{ExclusionMode, Fate, Gate, PassingPoint};
+use profile::FreeFlowProfile;
+
+/// Motions kept of a path before the first crossing.
+const MOTIONS_BEFORE_FIRST_CROSSING: usize = 2;
+/// |a - g| above this share of |g| means that a particle is in contact.
+const CONTACT_ACCELERATION: f64 = 1e-9;
+
+/// What a recorder may do to the run that it watches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The run hands its particles over: they are frozen, taken out, or stop it as the gate says.
+    HandOver,
+    /// The run is recorded as a whole; nothing is changed.
+    Observe,
+}
+
+/// What a look found, all in ascending order of identity.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Look {
+    /// Particles that passed in this time step; [`Recorder::crossing`] is called for each.
+    pub crossed: Vec<ParticleId>,
+    /// Those of them that go on as ghosts (modes `constant` and `ballistic`).
+    pub freeze: Vec<ParticleId>,
+    /// Recorded particles beyond the exclusion plane, to be taken out; only at multiples of [`HAND_OVER_STEPS`].
+    pub exclude: Vec<ParticleId>,
+    /// Particles to be taken out by their fate; only at multiples of [`HAND_OVER_STEPS`].
+    pub delete: Vec<ParticleId>,
+    /// Why the run must end, by the fate of a particle.
+    pub error: Option<String>,
+}
+
+/// Watches a gate.
+#[derive(Debug, Clone)]
+pub struct Recorder {
+    gate: Gate,
+    role: Role,
+    gravity: Vec3,
+    timestep: f64,
+    /// Distance before the plane within which particles are kept in the table [m].
+    band: f64,
+    /// From a centre to the passing point, per radius.
+    to_passing_point: Vec3,
+    before: IdMap<Approach>,
+    after: IdMap<Gone>,
+    /// Beyond the plane without having passed: counted already.
+    sitting: IdMap<()>,
+    /// Crossings of the last look, by identity.
+    fresh: Vec<Fresh>,
+    looked: bool,
+    tally: RecordTally,
+    profile: FreeFlowProfile,
+}
+
+/// A particle before the plane.
+#[derive(Debug, Clone, PartialEq)]
+struct Approach {
+    step: u64,
+    distance: f64,
+    motion: Motion,
+    path: Vec<Motion>,
+    path_start: u64,
+}
+
+/// A particle that has been recorded and may still be in the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Gone {
+    /// Whether it is before the plane again.
+    returned: bool,
+}
+
+/// A crossing of the last look, without what only the solver knows.
+#[derive(Debug, Clone)]
+struct Fresh {
+    id: ParticleId,
+    step: u64,
+    passage: Passage,
+    path: Vec<Motion>,
+    path_start: u64,
+}
+
+impl Recorder {
+    /// A recorder of `gate` for a run with `gravity` [m/s2] and `timestep` [s] whose largest particle has `largest_diameter` [m].
+    #[must_use]
+    pub fn new(gate: &Gate, role: Role, gravity: Vec3, timestep: f64, largest_diameter: f64) -> Self {
+        let path_length = gate.paths.map_or(0.0, |paths| paths.length);
+        let down = gravity.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
+        Self {
+            role,
+            gravity,
+            timestep,
+            // Nothing moves a quarter of a diameter in a time step; so nobody comes over the plane unseen.
+            band: path_length.max(0.25 * largest_diameter),
+            to_passing_point: match gate.passage {
+                PassingPoint::Centre => Vec3::zeros(),
+                PassingPoint::LowestPoint => down,
+            },
+            before: IdMap::default(),
+            after: IdMap::default(),
+            sitting: IdMap::default(),
+            fresh: Vec::new(),
+            looked: false,
+            tally: RecordTally::default(),
+            profile: FreeFlowProfile::new(gate.exclusion.length, largest_diameter),
+            gate: gate.clone(),
+        }
+    }
+
+    /// Looks at all particles after time step `step`; to be called after every one.
+    pub fn look(&mut self, step: u64, particles: impl Iterator<Item = Seen>) -> Look {
+        let mut look = Look::default();
+        self.fresh.clear();
+        let handing_over = step.is_multiple_of(HAND_OVER_STEPS);
+        // One dot product a particle; the point of passage lies a fixed share of the radius along the normal.
+        let normal = self.gate.plane.normal;
+        let origin = self.gate.plane.point.dot(&normal);
+        let reach = self.to_passing_point.dot(&normal);
+        let (near, far) = (-self.band, self.gate.exclusion.length);
+        for seen in particles {
+            let rough = seen.motion.position.dot(&normal) - origin + seen.radius * reach;
+            // Far from the plane a rough distance will do; near it the plane's own is exact on the plane itself.
+            // One that came back over the plane is followed wherever it goes.
+            let anywhere = handing_over && self.tally.returned > 0;
+            if (rough < 2.0 * near && !anywhere) || (rough > 2.0 * far && !handing_over) {
+                continue;
+            }
+            let distance = self.gate.plane.distance(&seen.motion.position) + seen.radius * reach;
+            if distance < 0.0 {
+                self.see_before(step, &seen, distance, &mut look);
+            } else if distance <= far || handing_over {
+                self.see_behind(step, &seen, distance, handing_over, &mut look);
+            }
+        }
+        if handing_over {
+            // What was not seen now has left upstream or was taken out.
+            self.before.retain(|_, approach| approach.step == step);
+        }
+        self.looked = true;
+        self.finish(look)
+    }
+
+    fn see_before(&mut self, step: u64, seen: &Seen, distance: f64, look: &mut Look) {
+        if distance < -self.band && !self.after.contains_key(&seen.id) {
+            return;
+        }
+        if self.after.contains_key(&seen.id) {
+            self.see_returned(step, seen, distance, look);
+            return;
+        }
+        let started = self.tally.recorded > 0;
+        let fresh = Approach { step, distance, motion: seen.motion, path: Vec::new(), path_start: step };
+        let approach = self.before.entry(seen.id).or_insert(fresh);
+        if approach.step + 1 < step {
+            // It was away: the path that was begun then is not this one.
+            approach.path.clear();
+        }
+        (approach.step, approach.distance, approach.motion) = (step, distance, seen.motion);
+        let Some(paths) = self.gate.paths else { return };
+        if distance < -paths.length {
+            approach.path.clear();
+        } else if step.is_multiple_of(paths.every) {
+            if approach.path.is_empty() {
+                approach.path_start = step;
+            }
+            if !started && approach.path.len() >= MOTIONS_BEFORE_FIRST_CROSSING {
+                approach.path.remove(0);
+                approach.path_start += paths.every;
+            }
+            approach.path.push(seen.motion);
+        }
+    }
+
+    fn see_behind(&mut self, step: u64, seen: &Seen, distance: f64, handing_over: bool, look: &mut Look) {
+        if handing_over && self.flows_freely() && distance < self.gate.exclusion.length && self.in_aperture(seen) {
+            let extra = (seen.motion.acceleration - self.gravity).norm();
+            self.profile.count(distance, extra > CONTACT_ACCELERATION * self.gravity.norm());
+        }
+        if let Some(gone) = self.after.get_mut(&seen.id) {
+            gone.returned = false;
+            if handing_over && distance >= self.gate.exclusion.length {
+                look.exclude.push(seen.id);
+            }
+            return;
+        }
+        match self.before.remove(&seen.id) {
+            Some(approach) if approach.step + 1 == step => self.pass(step, seen, distance, approach, look),
+            // It has not been seen in the time step before: whatever it did, it did not pass here just now.
+            Some(_) | None => self.see_sitting(step, seen, handing_over, look),
+        }
+    }
+
+    /// Records the passage of a particle if it leads through the aperture.
+    fn pass(&mut self, step: u64, seen: &Seen, distance: f64, approach: Approach, look: &mut Look) {
+        let (old, new) = (&approach.motion, &seen.motion);
+        let along = |vector: &Vec3| vector.dot(&self.gate.plane.normal);
+        let passage = if distance == 0.0 {
+            let Motion { position, velocity, spin, .. } = *new;
+            Passage { time: step as f64 * self.timestep, position, velocity, spin }
+        } else {
+            let (speed, acceleration) = (along(&old.velocity), along(&old.acceleration));
+            let tau = passage::substep(approach.distance, speed, acceleration, self.timestep);
+            let time = ((step - 1) as f64).mul_add(self.timestep, tau);
+            passage::state_at(old, new, tau, self.timestep, time)
+        };
+        let point = passage.position + self.to_passing_point * seen.radius;
+        if !self.gate.plane.holds(&point) {
+            return;
+        }
+        self.tally.recorded += 1;
+        self.tally.grazing += u64::from(along(&new.velocity) <= 0.0);
+        self.after.insert(seen.id, Gone { returned: false });
+        self.sitting.remove(&seen.id);
+        look.crossed.push(seen.id);
+        let Approach { path, path_start, .. } = approach;
+        self.fresh.push(Fresh { id: seen.id, step, passage, path, path_start });
+    }
+
+    /// The crossing of a particle of the last look's `crossed`, completed by what the solver knows of it.
+    ///
+    /// # Panics
+    /// When the particle did not cross in the last look.
+    pub fn crossing(
+        &mut self,
+        state: ParticleState,
+        force: Vec3,
+        torque: Vec3,
+        contacts: Vec<StoredContact>,
+    ) -> Crossing {
+        let index = self.fresh.binary_search_by_key(&state.id, |fresh| fresh.id);
+        let index = index.unwrap_or_else(|_| panic!("{:?} did not cross in the last look", state.id));
+        let fresh = &mut self.fresh[index];
+        self.tally.in_contact += u64::from(!contacts.is_empty());
+        Crossing {
+            step: fresh.step,
+            state,
+            force,
+            torque,
+            passage: fresh.passage,
+            contacts,
+            path: std::mem::take(&mut fresh.path),
+            path_start: fresh.path_start,
+        }
+    }
+
+    /// Puts what was found into order, and takes back what the role forbids.
+    fn finish(&mut self, mut look: Look) -> Look {
+        self.fresh.sort_unstable_by_key(|fresh| fresh.id);
+        for list in [&mut look.crossed, &mut look.exclude, &mut look.delete] {
+            list.sort_unstable();
+        }
+        if self.role == Role::Observe {
+            return Look { crossed: look.crossed, ..Look::default() };
+        }
+        if self.gate.exclusion.mode != ExclusionMode::Buffer {
+            look.freeze.clone_from(&look.crossed);
+        }
+        for id in &look.exclude {
+            self.after.remove(id);
+        }
+        self.tally.excluded += look.exclude.len() as u64;
+        self.tally.deleted += look.delete.len() as u64;
+        for id in &look.delete {
+            self.after.remove(id);
+            self.sitting.remove(id);
+        }
+        look
+    }
+
+    /// True where particles behind the plane move as they would without the gate.
+    fn flows_freely(&self) -> bool {
+        self.role == Role::Observe || self.gate.exclusion.mode == ExclusionMode::Buffer
+    }
+
+    fn in_aperture(&self, seen: &Seen) -> bool {
+        self.gate.plane.holds(&(seen.motion.position + self.to_passing_point * seen.radius))
+    }
+
+    /// Particles that left the run by other ways than [`Look::exclude`] and [`Look::delete`], as over the domain's border.
+    pub fn count_removed(&mut self, ids: impl Iterator<Item = ParticleId>) {
+        for id in ids {
+            self.before.remove(&id);
+            self.sitting.remove(&id);
+            self.tally.lost_after_crossing += u64::from(self.after.remove(&id).is_some());
+        }
+    }
+
+    /// What has been counted.
+    #[must_use]
+    pub fn tally(&self) -> RecordTally {
+        RecordTally { free_flow: self.profile.bins(), still_in_run: self.after.len() as u64, ..self.tally.clone() }
+    }
+}
