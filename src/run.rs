@@ -1,21 +1,32 @@
 //! One run end to end: the only place that knows all layers.
+//!
+//! scene -> plan -> stages (cut at the gates, or whole) -> each stage on its backend, its streams recorded and replayed -> measures ->
+//! summary. A stage whose result is there under the same key is not computed again.
 
 mod folder;
+mod gates;
+mod load;
 mod picture;
+mod replicates;
+mod stage;
+mod streams;
 mod summary;
 
-use crate::analysis::{MeasureResult, Observed, evaluate};
-use crate::backend::{BackendError, native};
+use crate::backend::BackendError;
+use crate::backend::native;
 use crate::exit_code;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
 use crate::plan::{Plan, plan};
 use crate::scene::{self, Finding, Scene};
-use crate::stage::key::{Choices, StageKey};
+use crate::stage::key::StageKey;
+use crate::stage::split::{StageJob, stage_jobs, whole_jobs};
 use crate::storage::StorageError;
-use folder::RunFolder;
+use folder::{Claim, RunFolder};
+use stage::{StageOrder, StageOutcome};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
+pub use streams::load_gate_records;
 
 /// What is asked for on the command line.
 #[derive(Debug, Clone, Default)]
@@ -32,6 +43,18 @@ pub struct RunRequest {
     pub force: bool,
     /// Continue an unfinished run.
     pub resume: bool,
+    /// Do not cut at the gates: each last stage with everything upstream of it in one run.
+    pub whole: bool,
+    /// Only these stages; empty for all. What is upstream of them must have been run.
+    pub stages: Vec<String>,
+    /// Folders of other runs, whose stages count as done where their keys are the same.
+    pub reuse: Vec<PathBuf>,
+    /// Use streams although they do not fit the scene.
+    pub accept_stream: bool,
+    /// How many runs that differ by their seed, or by their kick.
+    pub replicates: u64,
+    /// Moves one particle by this length [m] at the start.
+    pub perturb: Option<f64>,
     /// How much is said while it runs.
     pub verbosity: Verbosity,
 }
@@ -58,8 +81,12 @@ pub enum RunError {
     Refused(Box<Plan>),
     /// No backend can do what the scene needs.
     NoBackend(Box<Plan>),
+    /// What was asked for on the command line does not fit the scene.
+    Request(String),
     /// The result folder, or the checkpoint to start from, cannot be used for this run.
     Folder(String),
+    /// A stream is missing, damaged, or does not fit.
+    Stream(String),
     /// The folder holds this very run, which the watchdog stopped, in these words.
     StoppedBefore(String),
     /// The backend failed; the folder holds what was written.
@@ -71,8 +98,9 @@ impl RunError {
     #[must_use]
     pub const fn exit_code(&self) -> u8 {
         match self {
-            Self::Scene(_) | Self::Refused(_) | Self::Folder(_) => exit_code::USAGE,
+            Self::Scene(_) | Self::Refused(_) | Self::Folder(_) | Self::Request(_) => exit_code::USAGE,
             Self::NoBackend(_) => exit_code::NO_BACKEND,
+            Self::Stream(_) => exit_code::STREAM_UNUSABLE,
             Self::StoppedBefore(_) => exit_code::UNSTABLE,
             Self::Backend(error) => error.exit_code(),
         }
@@ -91,45 +119,93 @@ impl From<StorageError> for RunError {
     }
 }
 
-/// Runs a scene from its file to its summary.
+/// Runs a scene from its file to its summary, as often as asked for.
 ///
 /// # Errors
 /// See [`RunError`]. An unstable run leaves a readable folder and a summary that says so.
 pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
+    let out = request.out.clone().unwrap_or_else(|| Path::new("runs").join(folder::name_of(&request.scene)));
+    if request.replicates > 1 {
+        return replicates::run(request, &out, interrupted);
+    }
+    run_once(request, &out, 0, interrupted)
+}
+
+/// One run into the folder `out`; `draw` picks the particle that is kicked.
+fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
     let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
     let plan = accepted_plan(&scene, request.force)?;
-    let key = stage_key(&scene, &plan)?;
-    let path = request.out.clone().unwrap_or_else(|| Path::new("runs").join(folder::name_of(&request.scene)));
-    let folder = RunFolder::claim(&path, &key, request.resume)?;
-    if let Some(summary) = folder.finished()? {
-        if summary.outcome.exit_code == exit_code::UNSTABLE {
-            return Err(RunError::StoppedBefore(summary.outcome.reason));
-        }
-        return Ok(RunReport { folder: path, summary, was_done: true, timing: String::new() });
-    }
-    let threads = request.threads.unwrap_or_else(native::default_threads);
-    let setup = native::setup::setup(&scene, &plan, threads);
-    let stage = native::Request {
-        folder: &path,
-        key: &key.key,
-        resume: request.resume,
-        verbosity: request.verbosity,
+    let is_cut = !scene.gates.is_empty();
+    let jobs = if request.whole { whole_jobs(&scene) } else { stage_jobs(&scene) };
+    let chosen = chosen(&jobs, request)?;
+    let order = StageOrder {
+        request,
+        plan: &plan,
+        threads: request.threads.unwrap_or_else(native::default_threads),
+        kick: kick_of(request, draw),
+        warnings: summary::warnings(&warnings, &plan),
         interrupted,
     };
-    let warned = summary::warnings(&warnings, &plan);
-    let result = match native::run(&scene, setup, &stage, &mut []) {
-        Ok(result) => result,
-        Err(error) => {
-            // What went wrong first is what the user must hear of, also where the disk takes no summary any more.
-            drop(summary::of_failure(request, &scene, &plan, &error, warned).write(&folder.summary_path()));
-            return Err(error.into());
+    if !is_cut {
+        let outcome = stage::run(&order, &jobs[0], out, &[])?;
+        return Ok(RunReport {
+            folder: out.to_path_buf(),
+            was_done: outcome.was_done,
+            timing: outcome.timing,
+            summary: outcome.summary,
+        });
+    }
+    let key = StageKey::of_run(&scene, request.whole, kick_of(request, draw));
+    let claim = if request.stages.is_empty() { Claim::new(request.resume) } else { Claim::Part };
+    let folder = RunFolder::claim(out, &key, claim)?;
+    let mut outcomes: Vec<Option<StageOutcome>> = Vec::new();
+    for (index, job) in jobs.iter().enumerate() {
+        let place = stage_folder(out, &job.name);
+        outcomes.push(if chosen.contains(&index) {
+            let inputs = streams::inputs(&scene, &jobs, index, &outcomes, out, request.accept_stream)?;
+            Some(stage::run(&order, job, &place, &inputs)?)
+        } else {
+            stage::found(&job.name, &place)?
+        });
+        if outcomes[index].as_ref().is_some_and(|outcome| outcome.summary.outcome.exit_code != exit_code::DONE) {
+            break;
         }
-    };
-    let measures = measured(&scene, &result, &path)?;
-    picture::draw(&scene, &result, &measures, &path)?;
-    let summary = summary::of(request, &scene, &plan, &result, &measures, warned, threads);
+    }
+    let outcomes: Vec<StageOutcome> = outcomes.into_iter().flatten().collect();
+    let summary = summary::of_stages(&order, &scene, &jobs, &outcomes);
     summary.write(&folder.summary_path())?;
-    Ok(RunReport { folder: path, summary, was_done: false, timing: result.timing.table() })
+    Ok(RunReport {
+        folder: out.to_path_buf(),
+        was_done: outcomes.iter().all(|outcome| outcome.was_done),
+        timing: outcomes.iter().map(|outcome| outcome.timing.as_str()).collect(),
+        summary,
+    })
+}
+
+/// The kick of replicate number `draw`.
+fn kick_of(request: &RunRequest, draw: u64) -> Option<native::Kick> {
+    request.perturb.map(|length| native::Kick { length, draw })
+}
+
+/// Where a stage of a cut scene has its results.
+fn stage_folder(run: &Path, stage: &str) -> PathBuf {
+    run.join("stages").join(stage)
+}
+
+/// The stages to be run, upstream first.
+fn chosen(jobs: &[StageJob], request: &RunRequest) -> Result<Vec<usize>, RunError> {
+    if request.stages.is_empty() {
+        return Ok((0..jobs.len()).collect());
+    }
+    let known: Vec<&str> = jobs.iter().map(|job| job.name.as_str()).collect();
+    if let Some(unknown) = request.stages.iter().find(|name| !known.contains(&name.as_str())) {
+        let whole = if request.whole { " (with --whole, a stage is one that no other follows)" } else { "" };
+        return Err(RunError::Request(format!(
+            "there is no stage '{unknown}'{whole}; the stages are {}",
+            known.join(", ")
+        )));
+    }
+    Ok((0..jobs.len()).filter(|&index| request.stages.contains(&jobs[index].name)).collect())
 }
 
 /// The plan of a scene, unless it refuses or no backend can.
@@ -142,36 +218,4 @@ fn accepted_plan(scene: &Scene, force: bool) -> Result<Plan, RunError> {
         return Err(RunError::Refused(Box::new(plan)));
     }
     Ok(plan)
-}
-
-fn stage_key(scene: &Scene, plan: &Plan) -> Result<StageKey, RunError> {
-    if let Some(missing) = scene.start_checkpoint.as_ref().filter(|path| !path.is_file()) {
-        let shown = missing.display();
-        return Err(RunError::Folder(format!(
-            "there is no checkpoint {shown} to start from; run what writes it first"
-        )));
-    }
-    let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
-    let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;
-    let choices = Choices {
-        backend: native::NAME,
-        numerics_version: native::NUMERICS_VERSION,
-        timestep: plan.timestep.chosen,
-        skin: plan.skin.skin,
-        models: &models,
-        start: start.as_deref(),
-    };
-    Ok(StageKey::new(scene, &choices))
-}
-
-fn measured(scene: &Scene, result: &native::StageResult, folder: &Path) -> Result<Vec<MeasureResult>, StorageError> {
-    let mass_series = summary::mass_series(scene, folder)?;
-    let observed = Observed {
-        body: scene.body,
-        particles: &result.particles,
-        contacts: &result.contacts,
-        wall_contacts: &result.wall_contacts,
-        mass_series: &mass_series,
-    };
-    Ok(evaluate(&scene.measures, &observed))
 }

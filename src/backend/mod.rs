@@ -17,6 +17,15 @@ pub enum BackendError {
         /// Time steps done since time 0.
         steps: u64,
     },
+    /// A gate stopped the run: a particle met a fate that the scene calls an error, or the downstream backs up to the gate.
+    Gate {
+        /// What was seen, where, and what to change.
+        what: String,
+        /// Plant time reached [s].
+        time: f64,
+        /// Time steps done since time 0.
+        steps: u64,
+    },
     /// The disk or system refused, or a file that should be continued cannot be used.
     Output(StorageError),
     /// A checkpoint does not fit what is asked of it.
@@ -28,7 +37,7 @@ impl BackendError {
     #[must_use]
     pub const fn exit_code(&self) -> u8 {
         match self {
-            Self::Unstable { .. } => exit_code::UNSTABLE,
+            Self::Unstable { .. } | Self::Gate { .. } => exit_code::UNSTABLE,
             Self::Output(error) => error.exit_code(),
             Self::Checkpoint(_) => exit_code::STREAM_UNUSABLE,
         }
@@ -39,6 +48,7 @@ impl std::fmt::Display for BackendError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unstable { what, .. } => write!(f, "the run is unstable and was stopped: {what}"),
+            Self::Gate { what, .. } => write!(f, "the run was stopped at a gate: {what}"),
             Self::Output(error) => error.fmt(f),
             Self::Checkpoint(reason) => f.write_str(reason),
         }

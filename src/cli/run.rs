@@ -21,7 +21,25 @@ pub struct Arguments {
     /// Start from another run's checkpoint, with its contacts
     #[arg(long, value_name = "CHECKPOINT")]
     from: Option<PathBuf>,
-    /// Continue an unfinished run from its checkpoint
+    /// Do not cut at the gates: each last stage with all that is upstream of it in one run
+    #[arg(long)]
+    whole: bool,
+    /// Only this stage; may be repeated. What is upstream of it must have been run
+    #[arg(long = "stage", value_name = "NAME")]
+    stages: Vec<String>,
+    /// Take stages from another run where their keys are the same; may be repeated
+    #[arg(long, value_name = "RUN")]
+    reuse: Vec<PathBuf>,
+    /// Use streams although they do not fit the scene
+    #[arg(long)]
+    accept_stream: bool,
+    /// Run so many times, each with the next seed (with --perturb: another particle moved)
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=9999))]
+    replicates: u64,
+    /// Move one particle by this length at the start, as in 1nm
+    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    perturb: Option<f64>,
+    /// Continue an unfinished run: finished stages stay, an unfinished one goes on from its checkpoint
     #[arg(long)]
     resume: bool,
     /// Run although the plan refuses
@@ -61,6 +79,11 @@ pub fn run(arguments: &Arguments) -> u8 {
     }
 }
 
+fn length(text: &str) -> Result<f64, String> {
+    let length = tollgate::scene::quantity_in(text, "m")?;
+    if length > 0.0 { Ok(length) } else { Err("write a length above 0, as in 1nm".to_owned()) }
+}
+
 /// What the command line changes in the scene, `--from` included.
 fn settings(arguments: &Arguments) -> Vec<(String, String)> {
     let mut settings = arguments.scene.all_settings();
@@ -78,6 +101,12 @@ fn request(arguments: &Arguments) -> RunRequest {
         threads: arguments.threads,
         force: arguments.force,
         resume: arguments.resume,
+        whole: arguments.whole,
+        stages: arguments.stages.clone(),
+        reuse: arguments.reuse.clone(),
+        accept_stream: arguments.accept_stream,
+        replicates: arguments.replicates,
+        perturb: arguments.perturb,
         verbosity: match (arguments.json, arguments.verbose) {
             (true, _) => Verbosity::Silent,
             (false, true) => Verbosity::Verbose,
@@ -166,7 +195,7 @@ fn explain(arguments: &Arguments, error: &RunError) -> String {
             format!("{}\nthe plan refuses this run; change the scene as it says, or --force it", plan.to_text())
         }
         RunError::NoBackend(plan) => format!("{}\nno backend can do what this scene needs", plan.to_text()),
-        RunError::Folder(text) => text.clone(),
+        RunError::Folder(text) | RunError::Stream(text) | RunError::Request(text) => text.clone(),
         RunError::StoppedBefore(reason) => format!("this run was done before; nothing was computed. Then: {reason}"),
         RunError::Backend(error) => error.to_string(),
     }

@@ -48,6 +48,14 @@ impl Simulation {
         states
     }
 
+    /// State, force [N] and torque [N m] by its contacts of a particle at the last time step.
+    #[must_use]
+    pub fn loaded_state(&self, id: ParticleId) -> Option<(ParticleState, Vec3, Vec3)> {
+        let index = self.particles.ids.iter().position(|held| *held == id)?;
+        let load = &self.particles.loads[index];
+        Some((self.particles.state(index), load.force, load.torque))
+    }
+
     /// Number of particles.
     #[must_use]
     pub fn particle_count(&self) -> usize {

@@ -17,11 +17,11 @@ impl Simulation {
     }
 
     /// Removes particles by identity; unknown ones are ignored.
-    pub fn remove_particles(&mut self, ids: &[ParticleId]) {
+    pub fn remove_particles(&mut self, ids: &[ParticleId], cause: RemovalCause) {
         let wanted: HashSet<ParticleId> = ids.iter().copied().collect();
         let found: Vec<(usize, RemovalCause)> = (0..self.particles.len())
             .filter(|&index| wanted.contains(&self.particles.ids[index]))
-            .map(|index| (index, RemovalCause::Asked))
+            .map(|index| (index, cause))
             .collect();
         if !found.is_empty() {
             self.remove(&found);
@@ -46,7 +46,7 @@ impl Simulation {
             if !self.particles.velocities[index].path.is_prescribed() {
                 self.booked.removed += self.mechanical_energy_of(&state);
                 let velocity = match cause {
-                    RemovalCause::Asked => state.velocity,
+                    RemovalCause::Asked | RemovalCause::Gate | RemovalCause::Fate => state.velocity,
                     // Within a time step: the velocity at its start, before it was estimated ahead.
                     _ => state.velocity - self.velocity_gained(index),
                 };

@@ -16,7 +16,6 @@ pub mod lookup;
 pub mod momentum;
 pub mod neighbor;
 pub mod neighborhood;
-pub mod observer;
 pub mod occupancy;
 pub mod pair_contacts;
 pub mod particles;

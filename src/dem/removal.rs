@@ -34,8 +34,12 @@ pub enum RemovalCause {
     LowerZ,
     /// Through the domain's upper z border.
     UpperZ,
-    /// An observer asked for it.
+    /// It was asked for.
     Asked,
+    /// At the exclusion plane of a gate that had recorded it.
+    Gate,
+    /// By the fate that a gate or a replay gives to particles that leave the ordinary course.
+    Fate,
 }
 
 impl RemovalCause {
@@ -50,6 +54,8 @@ impl RemovalCause {
             Self::LowerZ => "through the lower z border of the domain",
             Self::UpperZ => "through the upper z border of the domain",
             Self::Asked => "taken out",
+            Self::Gate => "through a gate",
+            Self::Fate => "deleted at a gate",
         }
     }
 

@@ -86,6 +86,8 @@ pub struct Simulation {
     pub(super) steps: u64,
     /// False until the loads at the present time have been computed once.
     pub(super) loads_known: bool,
+    /// Particles will still come from outside.
+    awaits_arrivals: bool,
     /// Accumulated entries of the budget; the instantaneous ones are computed when asked for.
     pub(super) booked: EnergyBudget,
     pub(super) momentum: MomentumAccount,
@@ -124,6 +126,7 @@ impl Simulation {
             part_loads: vec![PartLoad::default(); setup.parts.len()],
             steps: 0,
             loads_known: false,
+            awaits_arrivals: false,
             booked: EnergyBudget::default(),
             momentum: MomentumAccount::default(),
             tethers: Vec::new(),
@@ -223,7 +226,7 @@ impl Simulation {
     }
 
     fn watch_presence(&mut self) {
-        let fed = self.feeds.finished(self.time());
+        let fed = self.feeds_finished();
         let (time, steps) = (self.time(), self.steps);
         let particles = &self.particles;
         let speed = || particles.rms_speed();
@@ -277,10 +280,29 @@ impl Simulation {
         self.feeds.reports()
     }
 
-    /// True once no feed brings any more.
+    /// True once nothing more comes: neither from a feed, nor otherwise ([`Simulation::expect_arrivals`]).
     #[must_use]
     pub fn feeds_finished(&self) -> bool {
-        self.feeds.finished(self.time())
+        !self.awaits_arrivals && self.feeds.finished(self.time())
+    }
+
+    /// Says whether particles will still be inserted from outside: what waits for the particles to rest waits for them too.
+    pub const fn expect_arrivals(&mut self, expected: bool) {
+        self.awaits_arrivals = expected;
+    }
+
+    /// Moves a particle by `way` [m]; it keeps its contacts' memory. Returns false where there is no such particle.
+    pub fn displace(&mut self, id: ParticleId, way: Vec3) -> bool {
+        let Some(index) = self.particles.ids.iter().position(|held| *held == id) else { return false };
+        let marked = self.marks(std::iter::once(index));
+        let (springs, height) = (self.springs_of(&marked), self.mechanical_energy_of(&self.particles.state(index)));
+        let centre = self.particles.spheres[index].position() + way;
+        self.particles.spheres[index].centre = centre.into();
+        self.booked.inserted += self.mechanical_energy_of(&self.particles.state(index)) - height;
+        self.book_springs(&marked, springs);
+        self.neighborhood.note_motion(way.norm(), 0.0);
+        self.watchdog.expect_new_energy();
+        true
     }
 
     /// Wall time by phase.

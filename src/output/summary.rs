@@ -31,6 +31,12 @@ pub struct Summary {
     pub gates: Vec<serde_json::Value>,
     /// Measures by name (`heap_angle_deg`, `heap_angle_uncertainty_deg`, ...); null where one could not be taken.
     pub measures: BTreeMap<String, serde_json::Value>,
+    /// What splitting at the gates costs and saves; null where nothing is cut, or not every stage has been run.
+    #[serde(default)]
+    pub load: Option<LoadAccount>,
+    /// Replicates: statistics of each measure; null for a single run.
+    #[serde(default)]
+    pub replicates: Option<serde_json::Value>,
     /// What each feed was asked for and what it inserted.
     pub feeds: Vec<FeedSummary>,
     /// Particles that left, by cause.
@@ -98,6 +104,30 @@ pub struct StageSummary {
     pub threads: u64,
 }
 
+/// Processor time split against unsplit, after figure 8 of patent JP5440448B2: an upstream load A run X times and a downstream
+/// load B run Y times cost A X + B Y where the stream is stored, and (A + B) max(X, Y) where it is not.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+pub struct LoadAccount {
+    /// A: processor time of the stages that something follows [s].
+    pub upstream_cpu_s: f64,
+    /// X: how often they are run.
+    pub upstream_runs: u64,
+    /// B: mean processor time of a stage that nothing follows [s].
+    pub downstream_cpu_s: f64,
+    /// Y: number of stages that nothing follows.
+    pub downstream_runs: u64,
+    /// Measured: processor time of all stages [s].
+    pub split_cpu_s: f64,
+    /// A X + B Y with B that of the first downstream stage alone [s].
+    pub split_forecast_cpu_s: f64,
+    /// (A + B) max(X, Y): what the same costs where nothing is stored [s].
+    pub unsplit_forecast_cpu_s: f64,
+    /// Unsplit over split [-].
+    pub ratio: f64,
+    /// Largest memory of any one stage [bytes]; null where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+}
+
 /// One feed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct FeedSummary {
@@ -161,6 +191,8 @@ impl Default for Summary {
             stages: Vec::new(),
             gates: Vec::new(),
             measures: BTreeMap::new(),
+            load: None,
+            replicates: None,
             feeds: Vec::new(),
             removed: Vec::new(),
             events: Vec::new(),

@@ -110,6 +110,13 @@ pub struct ProcessUse {
 }
 
 impl ProcessUse {
+    /// What has been used since `before`; the largest memory is that since [`reset_peak_memory`].
+    #[must_use]
+    pub fn since(before: &Self) -> Self {
+        let now = Self::now();
+        Self { cpu_s: now.cpu_s.zip(before.cpu_s).map(|(now, then)| now - then), ..now }
+    }
+
     /// Asks the system; a field is empty where it does not tell.
     #[must_use]
     pub fn now() -> Self {
@@ -120,6 +127,12 @@ impl ProcessUse {
             peak_memory_bytes: read("status").and_then(|status| peak_memory(&status)),
         }
     }
+}
+
+/// Lets the system count the largest memory in use anew, see proc(5), `clear_refs`. Where it does not, the largest since the
+/// process began goes on to count.
+pub fn reset_peak_memory() {
+    drop(fs::write("/proc/self/clear_refs", "5"));
 }
 
 /// utime + stime, fields 14 and 15 of proc(5); the command in field 2 may hold spaces and brackets itself.

@@ -16,6 +16,24 @@ const MOST_DIFFERENCES: usize = 6;
 /// Name of the file that says which run a folder belongs to.
 const RECORD: &str = "run.json";
 
+/// What is accepted of a folder that holds this run unfinished.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Claim {
+    /// Nothing.
+    Fresh,
+    /// It is gone on with.
+    Resume,
+    /// A part of the run is added; what is there is looked at part by part.
+    Part,
+}
+
+impl Claim {
+    /// By the word on the command line.
+    pub const fn new(resume: bool) -> Self {
+        if resume { Self::Resume } else { Self::Fresh }
+    }
+}
+
 /// A claimed result folder.
 #[derive(Debug)]
 pub struct RunFolder {
@@ -54,7 +72,7 @@ fn lock(path: &Path) -> Result<Option<File>, RunError> {
 
 impl RunFolder {
     /// Makes the folder, or accepts it where it belongs to the same run.
-    pub fn claim(path: &Path, key: &StageKey, resume: bool) -> Result<Self, RunError> {
+    pub fn claim(path: &Path, key: &StageKey, claim: Claim) -> Result<Self, RunError> {
         let shown = path.display();
         if path.exists() && !path.is_dir() {
             return Err(RunError::Folder(format!("{shown} is a file, not a folder; choose another --out")));
@@ -68,7 +86,7 @@ impl RunFolder {
         let folder = Self { path: path.to_path_buf(), _lock: lock(path)? };
         let record = folder.record_path();
         if record.exists() {
-            folder.check_same(key, resume)?;
+            folder.check_same(key, claim)?;
             return Ok(folder);
         }
         let content = json!({
@@ -78,7 +96,7 @@ impl RunFolder {
         Ok(folder)
     }
 
-    fn check_same(&self, key: &StageKey, resume: bool) -> Result<(), RunError> {
+    fn check_same(&self, key: &StageKey, claim: Claim) -> Result<(), RunError> {
         let shown = self.path.display();
         let record = self.record_path();
         let text = fs::read_to_string(&record).map_err(|source| StorageError::system("read", &record, source))?;
@@ -96,12 +114,23 @@ impl RunFolder {
                 "the folder {shown} holds this very run, but with other outputs or measures, which cannot be added afterwards; choose another --out"
             )));
         }
-        if !resume && self.finished()?.is_none() {
+        if claim == Claim::Fresh && self.finished()?.is_none() {
             return Err(RunError::Folder(format!(
                 "the folder {shown} holds this run unfinished; go on with --resume, or choose another --out"
             )));
         }
         Ok(())
+    }
+
+    /// The summary in `path`, where an earlier run of this key ended there by itself.
+    pub fn finished_elsewhere(path: &Path, key: &StageKey) -> Result<Option<Summary>, StorageError> {
+        let folder = Self { path: path.to_path_buf(), _lock: None };
+        let Ok(text) = fs::read_to_string(folder.record_path()) else { return Ok(None) };
+        let held: Value = serde_json::from_str(&text).unwrap_or_default();
+        if held["key"] != key.key.as_str() || held["outputs_key"] != key.outputs_key.as_str() {
+            return Ok(None);
+        }
+        folder.finished()
     }
 
     /// The summary of an earlier run that ended by itself: it would end so again.

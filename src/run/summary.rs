@@ -1,6 +1,7 @@
 //! The summary of a run, from what its stage brought.
 
-use super::RunRequest;
+use super::stage::{StageOrder, StageOutcome};
+use super::{RunRequest, gates, load};
 use crate::analysis::{MassSeries, MeasureResult};
 use crate::backend::BackendError;
 use crate::backend::native::{self, EndReason, PartEvent, RemovalCause, StageResult};
@@ -12,6 +13,7 @@ use crate::output::summary::{
 };
 use crate::plan::Plan;
 use crate::scene::{Finding, MeasureKind, Scene};
+use crate::stage::split::StageJob;
 use crate::storage::StorageError;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -55,25 +57,21 @@ fn provenance(request: &RunRequest, scene: &Scene) -> SceneProvenance {
     }
 }
 
-/// The summary of a run that the backend did not bring to its end.
-pub fn of_failure(
-    request: &RunRequest,
-    scene: &Scene,
-    plan: &Plan,
-    error: &BackendError,
-    warnings: Vec<String>,
-) -> Summary {
-    let (time_s, steps) =
-        if let BackendError::Unstable { time, steps, .. } = error { (*time, *steps) } else { (0.0, 0) };
+/// The summary of a stage that the backend did not bring to its end.
+pub fn of_failure(order: &StageOrder, job: &StageJob, error: &BackendError, warnings: Vec<String>) -> Summary {
+    let (time_s, steps) = match error {
+        BackendError::Unstable { time, steps, .. } | BackendError::Gate { time, steps, .. } => (*time, *steps),
+        _ => (0.0, 0),
+    };
     Summary {
-        scene: provenance(request, scene),
+        scene: provenance(order.request, &job.scene),
         outcome: Outcome { exit_code: error.exit_code(), reason: error.to_string(), time_s },
         stages: vec![StageSummary {
-            name: scene.name.clone(),
+            name: job.name.clone(),
             backend: native::NAME.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             steps,
-            timestep_s: plan.timestep.chosen,
+            timestep_s: order.plan.timestep.chosen,
             ..StageSummary::default()
         }],
         warnings,
@@ -81,43 +79,43 @@ pub fn of_failure(
     }
 }
 
-/// The summary of a run that came to its end or was interrupted.
+/// The summary of a stage that came to its end or was interrupted.
 pub fn of(
-    request: &RunRequest,
-    scene: &Scene,
-    plan: &Plan,
+    order: &StageOrder,
+    job: &StageJob,
     result: &StageResult,
     measures: &[MeasureResult],
     mut warnings: Vec<String>,
-    threads: usize,
 ) -> Summary {
-    let feeds: Vec<FeedSummary> = result.feeds.iter().map(feed).collect();
+    let own = result.feeds.iter().enumerate().filter(|(index, _)| job.own_feeds.contains(index));
+    let feeds: Vec<FeedSummary> = own.map(|(_, report)| feed(report)).collect();
     warnings
         .extend(feeds.iter().filter_map(|feed| Some(format!("feed '{}': {}", feed.name, feed.shortfall.as_ref()?))));
     let interrupted = result.end == EndReason::Interrupted;
     let mut summary = Summary {
-        scene: provenance(request, scene),
+        scene: provenance(order.request, &job.scene),
         outcome: Outcome {
             exit_code: if interrupted { exit_code::INTERRUPTED } else { exit_code::DONE },
             reason: result.end.text().to_owned(),
             time_s: result.time,
         },
         stages: vec![StageSummary {
-            name: scene.name.clone(),
+            name: job.name.clone(),
             backend: native::NAME.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             steps: result.steps,
-            timestep_s: plan.timestep.chosen,
+            timestep_s: order.plan.timestep.chosen,
             particles: result.particles.len() as u64,
             wall_s: result.wall_s,
             cpu_s: result.used.cpu_s,
             particle_steps_per_s: result.particle_steps / result.wall_s,
             peak_memory_bytes: result.used.peak_memory_bytes,
-            threads: threads as u64,
+            threads: order.threads as u64,
         }],
+        gates: gates::of_stage(&job.name, &job.scene, &result.gates),
         feeds,
         removed: removals(result),
-        events: events(scene, result),
+        events: events(&job.scene, result),
         timing_s: result.timing.seconds(),
         warnings,
         ..Summary::default()
@@ -126,6 +124,44 @@ pub fn of(
         record_measure(&mut summary, measure);
     }
     summary
+}
+
+/// The summary of a cut scene, from those of its stages that have been run.
+pub fn of_stages(order: &StageOrder, scene: &Scene, jobs: &[StageJob], outcomes: &[StageOutcome]) -> Summary {
+    let mut whole = Summary { scene: provenance(order.request, scene), ..Summary::default() };
+    let mut warned = std::collections::BTreeSet::new();
+    for outcome in outcomes {
+        let (stage, part) = (&outcome.stage, &outcome.summary);
+        whole.stages.extend(part.stages.iter().cloned());
+        whole.gates.extend(part.gates.iter().cloned());
+        whole.measures.extend(part.measures.iter().map(|(name, value)| (format!("{stage}.{name}"), value.clone())));
+        whole.feeds.extend(part.feeds.iter().cloned());
+        let named = |cause: &str| format!("{stage}: {cause}");
+        whole.removed.extend(part.removed.iter().map(|row| RemovalSummary { cause: named(&row.cause), ..row.clone() }));
+        whole.events.extend(part.events.iter().map(|event| EventSummary { what: named(&event.what), ..event.clone() }));
+        for (phase, seconds) in &part.timing_s {
+            *whole.timing_s.entry(phase.clone()).or_default() += seconds;
+        }
+        let new = part.warnings.iter().filter(|warning| warned.insert((*warning).clone()));
+        whole.warnings.extend(new.map(|warning| {
+            if order.warnings.contains(warning) { warning.clone() } else { named(warning) }
+        }));
+        if part.outcome.exit_code != exit_code::DONE || whole.outcome.reason.is_empty() {
+            whole.outcome = part.outcome.clone();
+        }
+        whole.outcome.time_s = whole.outcome.time_s.max(part.outcome.time_s);
+    }
+    whole.gates = gates::by_name(whole.gates);
+    let missing = jobs.len() - outcomes.len();
+    if whole.outcome.exit_code == exit_code::DONE {
+        whole.outcome.reason = if missing == 0 {
+            "all stages done".to_owned()
+        } else {
+            format!("{missing} of {} stages not run yet", jobs.len())
+        };
+    }
+    whole.load = load::account(jobs, &whole.stages);
+    whole
 }
 
 /// `NAME_UNIT` and `NAME_uncertainty_UNIT`, in the summary's spelling of units.

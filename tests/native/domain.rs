@@ -150,7 +150,7 @@ fn removing_a_particle_leaves_the_others_contacts_alone() {
     let before = simulation.contacts();
     let gone: Vec<_> = cloud.iter().map(|state| state.id).step_by(50).collect();
     let sum = simulation.energy().sum();
-    simulation.remove_particles(&gone);
+    simulation.remove_particles(&gone, RemovalCause::Asked);
     let mut after = simulation.contacts().into_iter();
     let involves = |c: &tollgate::dem::inspect::ContactRecord| {
         use tollgate::dem::inspect::Partner::Particle;

@@ -1,6 +1,7 @@
 //! The checkpoint of a run: the solver's record in a column file, renamed into place as a whole.
 
 use super::end::EndWatch;
+use super::gate::HandOver;
 use crate::backend::BackendError;
 use crate::dem::checkpoint::{INTEGER_COLUMNS, REAL_COLUMNS, SimulationRecord};
 use crate::dem::simulation::{Setup, Simulation};
@@ -26,7 +27,7 @@ impl CheckpointFile {
     }
 
     /// Replaces the file by the present state.
-    pub fn save(&self, simulation: &Simulation, end: &EndWatch) -> Result<(), StorageError> {
+    pub fn save(&self, simulation: &Simulation, end: &EndWatch, gates: &HandOver) -> Result<(), StorageError> {
         let record = simulation.record();
         let end = serde_json::to_string(end).expect("plain numbers become JSON");
         let mut writer = ColumnWriter::new(KIND);
@@ -42,11 +43,12 @@ impl CheckpointFile {
         for (name, column) in &record.integers {
             writer.column(name, column.as_slice());
         }
+        gates.save(&mut writer);
         writer.write(&self.path)
     }
 
-    /// The simulation to continue; `None` where no checkpoint was written yet.
-    pub fn load(&self, setup: Setup, end: &mut EndWatch) -> Result<Option<Simulation>, BackendError> {
+    /// The simulation to continue, and the open checkpoint for what else stands in it; `None` where none was written yet.
+    pub fn load(&self, setup: Setup, end: &mut EndWatch) -> Result<Option<(Simulation, ColumnReader)>, BackendError> {
         if !self.path.exists() {
             return Ok(None);
         }
@@ -58,7 +60,8 @@ impl CheckpointFile {
         }
         *end = serde_json::from_str(reader.attribute_text("end_watch")?).map_err(|error| refuse(error.to_string()))?;
         let record = record_of(&reader)?;
-        Simulation::resume(setup, &record).map(Some).map_err(|error| refuse(error.to_string()))
+        let simulation = Simulation::resume(setup, &record).map_err(|error| refuse(error.to_string()))?;
+        Ok(Some((simulation, reader)))
     }
 }
 

@@ -4,13 +4,13 @@ pub mod calibrate;
 mod checkpoint_file;
 mod end;
 mod frames;
+pub mod gate;
 mod series;
 pub mod setup;
 
 use super::BackendError;
 use crate::dem::feed::FeedReport;
 use crate::dem::inspect::Partner;
-use crate::dem::observer::StepObserver;
 pub use crate::dem::presence::PartEvent;
 pub use crate::dem::removal::{Removal, RemovalCause};
 use crate::dem::simulation::{Setup, Simulation};
@@ -19,10 +19,13 @@ use crate::output::progress::{Progress, Status, Verbosity};
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
 use crate::scene::Scene;
+use crate::stage::split::Recording;
 use crate::storage::StorageError;
 use checkpoint_file::CheckpointFile;
 pub use end::EndReason;
 use end::EndWatch;
+pub use gate::ReplayOrder;
+use gate::{GateResults, HandOver};
 pub use series::mass_column;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,12 +43,29 @@ pub struct Request<'a> {
     pub folder: &'a Path,
     /// Identifies scene, choices and version; a checkpoint of another key is refused.
     pub key: &'a str,
+    /// Name of the stage.
+    pub stage: &'a str,
     /// Continue from the folder's checkpoint, where there is one.
     pub resume: bool,
     /// How much is said.
     pub verbosity: Verbosity,
     /// Set from outside to end the run after the present time step.
     pub interrupted: &'a AtomicBool,
+    /// Gates to be recorded.
+    pub records: &'a [Recording],
+    /// Streams to be replayed.
+    pub replays: &'a [ReplayOrder],
+    /// A particle is moved at the start.
+    pub kick: Option<Kick>,
+}
+
+/// Moves one particle at the start, to see how a run answers to next to nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Kick {
+    /// How far [m].
+    pub length: f64,
+    /// Picks particle and direction, together with the scene's seed.
+    pub draw: u64,
 }
 
 /// What came out of a stage.
@@ -71,6 +91,8 @@ pub struct StageResult {
     pub removed: Vec<Removal>,
     /// Parts that appeared or disappeared.
     pub events: Vec<PartEvent>,
+    /// What came through the gates.
+    pub gates: GateResults,
     /// Wall time of this process on the stage [s], and the time steps that it did.
     pub wall_s: f64,
     /// Time steps that this process did.
@@ -83,7 +105,7 @@ pub struct StageResult {
     pub used: ProcessUse,
 }
 
-/// Computes a stage from its start or its checkpoint to its end. `observers` are called after every time step, in order.
+/// Computes a stage from its start or its checkpoint to its end.
 ///
 /// # Errors
 /// See [`BackendError`]. Whatever was written before the error stays readable.
@@ -91,19 +113,20 @@ pub fn run(
     scene: &Scene,
     setup: Setup,
     request: &Request,
-    observers: &mut [&mut dyn StepObserver],
 ) -> Result<StageResult, BackendError> {
-    let started = Instant::now();
+    let (started, before) = (Instant::now(), ProcessUse::now());
     let checkpoint = CheckpointFile::new(request.folder, request.key);
     let mut end = EndWatch::default();
     let resumed = if request.resume { checkpoint.load(setup.clone(), &mut end)? } else { None };
     let from_checkpoint = resumed.is_some();
-    let mut simulation = match resumed {
-        Some(simulation) => simulation,
-        None => start(scene, setup)?,
+    let (mut simulation, held) = match resumed {
+        Some((simulation, reader)) => (simulation, Some(reader)),
+        None => (start(scene, setup)?, None),
     };
+    let mut hand_over = HandOver::open(scene, request, &simulation, held.as_ref())?;
     if !from_checkpoint {
         simulation.prepare();
+        hand_over.look(&mut simulation)?;
     }
     let mut driver = Driver {
         frames: frames::FrameOutput::open(scene, request.folder, &simulation, from_checkpoint)?,
@@ -113,18 +136,19 @@ pub fn run(
         timing: Timing::default(),
         particle_steps: 0.0,
         end,
+        hand_over,
     };
     if !from_checkpoint {
         driver.write_due(&simulation, scene)?;
     }
     let first_step = simulation.steps_done();
     let mut progress = Progress::on_stderr(request.verbosity, simulation.time(), scene.end.time);
-    let outcome = driver.drive(&mut simulation, scene, request, observers, &mut progress);
+    let outcome = driver.drive(&mut simulation, scene, request, &mut progress);
     progress.finish(status(&simulation, first_step));
     match outcome {
         Ok(end) => {
             driver.write_last(&simulation, scene)?;
-            Ok(driver.result(simulation, end, first_step, started))
+            driver.result(simulation, end, first_step, started, &before)
         }
         Err(error) => {
             // The state at which an unstable run was stopped is there to be looked at, not to be continued.
@@ -207,6 +231,7 @@ struct Driver {
     timing: Timing,
     particle_steps: f64,
     end: EndWatch,
+    hand_over: HandOver,
 }
 
 impl Driver {
@@ -215,7 +240,6 @@ impl Driver {
         simulation: &mut Simulation,
         scene: &Scene,
         request: &Request,
-        observers: &mut [&mut dyn StepObserver],
         progress: &mut Progress,
     ) -> Result<EndReason, BackendError> {
         let first_step = simulation.steps_done();
@@ -227,9 +251,7 @@ impl Driver {
                 return Ok(EndReason::Interrupted);
             }
             simulation.step()?;
-            for observer in observers.iter_mut() {
-                observer.observe(simulation)?;
-            }
+            self.hand_over.look(simulation)?;
             self.particle_steps += simulation.particle_count() as f64;
             progress.update(status(simulation, first_step));
             self.write_due(simulation, scene)?;
@@ -243,7 +265,7 @@ impl Driver {
         self.series.write_due(simulation, scene)?;
         let step = simulation.steps_done();
         if self.checkpoint_every.is_some_and(|every| step > 0 && step.is_multiple_of(every)) {
-            self.checkpoint.save(simulation, &self.end)?;
+            self.checkpoint.save(simulation, &self.end, &self.hand_over)?;
         }
         self.timing.add(Phase::Output, started.elapsed());
         Ok(())
@@ -253,7 +275,7 @@ impl Driver {
     fn write_last(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), BackendError> {
         let started = Instant::now();
         self.write_state(simulation, scene)?;
-        self.checkpoint.save(simulation, &self.end)?;
+        self.checkpoint.save(simulation, &self.end, &self.hand_over)?;
         self.timing.add(Phase::Output, started.elapsed());
         Ok(())
     }
@@ -264,7 +286,15 @@ impl Driver {
         self.series.write_last(simulation, scene)
     }
 
-    fn result(mut self, simulation: Simulation, end: EndReason, first_step: u64, started: Instant) -> StageResult {
+    fn result(
+        mut self,
+        simulation: Simulation,
+        end: EndReason,
+        first_step: u64,
+        started: Instant,
+        before: &ProcessUse,
+    ) -> Result<StageResult, BackendError> {
+        let gates = self.hand_over.finish(&simulation, end != EndReason::Interrupted)?;
         let phases = simulation.phase_times();
         self.timing.add(Phase::Neighbour, phases.neighborhood);
         self.timing.add(Phase::Contacts, phases.contacts);
@@ -280,7 +310,7 @@ impl Driver {
                 Partner::Part { .. } => wall_contacts.push(record.i),
             }
         }
-        StageResult {
+        Ok(StageResult {
             end,
             time: simulation.time(),
             steps: simulation.steps_done(),
@@ -295,8 +325,9 @@ impl Driver {
             own_steps: simulation.steps_done() - first_step,
             particle_steps: self.particle_steps,
             timing: self.timing,
-            used: ProcessUse::now(),
-        }
+            gates,
+            used: ProcessUse::since(before),
+        })
     }
 }
 

@@ -1,0 +1,282 @@
+//! A stream that enters a stage.
+
+use super::ReplayOrder;
+use crate::backend::BackendError;
+use crate::dem::ghost::{Arrival, GhostContact, PrescribedMotion, ReleaseCount};
+use crate::dem::inspect::Partner;
+use crate::dem::neighbor::list::Memory;
+use crate::dem::particles::Path;
+use crate::dem::removal::RemovalCause;
+use crate::dem::simulation::Simulation;
+use crate::dem::tether::TetherLaw;
+use crate::gate::HAND_OVER_STEPS;
+use crate::gate::crossing::{ContactPartner, Motion, StoredContact};
+use crate::gate::quality::{BackingUpWatch, GhostTouch};
+use crate::gate::replay::{Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
+use crate::gate::stream::StreamReader;
+use crate::particle::ParticleId;
+use crate::scene::Scene;
+use crate::scene::gate::{BackingUp, Fate, PathMode, Replay};
+use crate::storage::columns::{ColumnReader, ColumnWriter};
+
+/// A stream that a stage has replayed.
+#[derive(Debug, Clone)]
+pub struct ReplayResult {
+    /// Its name.
+    pub name: String,
+    /// How it was replayed.
+    pub replay: Replay,
+    /// What the stream holds.
+    pub stream: crate::gate::stream::Counts,
+    /// What arrived, and what became of it.
+    pub tally: ReplayTally,
+    /// Contacts whose memory was asked for at the releases.
+    pub histories: ReleaseCount,
+    /// Signs of a downstream that backs up.
+    pub watch: BackingUpWatch,
+    /// Particles that went back upstream beyond the generation plane.
+    pub left_upstream: u64,
+}
+
+/// Stiffness of a tether: 10 |g| / c, so that ten times a particle's weight displaces it by c / 1.7.
+const TETHER_WEIGHTS: f64 = 10.0;
+
+/// A stream on its way into a run.
+#[derive(Debug)]
+pub struct Arrivals {
+    name: String,
+    replay: Replay,
+    replayer: Replayer,
+    counts: Counts,
+    plane: GatePlane,
+    /// For each part of the stream its number here.
+    parts: Vec<Option<u16>>,
+    tether: TetherLaw,
+    due: Due,
+    histories: ReleaseCount,
+    watch: BackingUpWatch,
+    /// Particles that have arrived, and whether they went back upstream beyond the generation plane since.
+    arrived: HashMap<ParticleId, bool>,
+    left_upstream: u64,
+}
+
+/// What a checkpoint keeps beside the stream itself, from which everything else follows.
+#[derive(Debug, Serialize, Deserialize)]
+struct Progress {
+    step: u64,
+    histories: [u64; 4],
+    watch: BackingUpWatch,
+    left_upstream: u64,
+}
+
+impl Arrivals {
+    /// Opens a stream, at the start or where a checkpoint stands.
+    pub fn open(
+        scene: &Scene,
+        order: &ReplayOrder,
+        simulation: &Simulation,
+        held: Option<&ColumnReader>,
+    ) -> Result<Self, BackendError> {
+        let reader = StreamReader::open(&order.stream)?;
+        let manifest = reader.manifest().clone();
+        let own_part = |name: &String| scene.parts.iter().position(|part| part.name == *name).map(|index| index as u16);
+        let stage = ReplayStage {
+            timestep: simulation.setup().timestep,
+            gravity: scene.gravity,
+            body: scene.body,
+            feed_offset: order.feed_offset,
+            largest_diameter: scene.largest_diameter(),
+            start_step: 0,
+        };
+        let facts = facts(&manifest, scene);
+        let replayer = Replayer::new(Box::new(reader), facts, &order.replay, stage)?;
+        let mut arrivals = Self {
+            name: order.name.clone(),
+            tether: TetherLaw {
+                frequency_squared: TETHER_WEIGHTS * scene.gravity.norm() / order.replay.compliance,
+                compliance: order.replay.compliance,
+            },
+            replay: order.replay.clone(),
+            replayer,
+            counts: manifest.counts,
+            plane: moved_plane(&order.replay.transform, &manifest.origin.plane),
+            parts: manifest.origin.part_names.iter().map(own_part).collect(),
+            due: Due::default(),
+            histories: ReleaseCount::default(),
+            watch: BackingUpWatch::default(),
+            arrived: HashMap::new(),
+            left_upstream: 0,
+        };
+        if let Some(reader) = held {
+            arrivals.restore(reader)?;
+        }
+        Ok(arrivals)
+    }
+
+    fn restore(&mut self, reader: &ColumnReader) -> Result<(), BackendError> {
+        let prefix = prefix(&self.name);
+        let text = reader.attribute_text(&format!("{prefix}progress"))?;
+        let progress: Progress = serde_json::from_str(text).map_err(|error| {
+            BackendError::Checkpoint(format!("the state of stream '{}' cannot be used: {error}", self.name))
+        })?;
+        let [restored, kept_by_solver, without_partner, with_parts] = progress.histories;
+        self.histories = ReleaseCount { restored, kept_by_solver, without_partner, with_parts };
+        (self.watch, self.left_upstream) = (progress.watch, progress.left_upstream);
+        let (ids, gone) = (reader.u64s(&format!("{prefix}arrived"))?, reader.u8s(&format!("{prefix}upstream"))?);
+        self.arrived = ids.into_iter().map(ParticleId).zip(gone.into_iter().map(|gone| gone != 0)).collect();
+        Ok(self.replayer.seek(progress.step)?)
+    }
+
+    /// Puts its state into a checkpoint.
+    pub fn save(&self, writer: &mut ColumnWriter, step: u64) {
+        let prefix = prefix(&self.name);
+        let counts = &self.histories;
+        let progress = Progress {
+            step,
+            histories: [counts.restored, counts.kept_by_solver, counts.without_partner, counts.with_parts],
+            watch: self.watch.clone(),
+            left_upstream: self.left_upstream,
+        };
+        let text = serde_json::to_string(&progress).expect("plain numbers become JSON");
+        writer.attribute(&format!("{prefix}progress"), text);
+        let mut arrived: Vec<(u64, u8)> = self.arrived.iter().map(|(id, gone)| (id.0, u8::from(*gone))).collect();
+        arrived.sort_unstable();
+        writer.column(&format!("{prefix}arrived"), arrived.iter().map(|row| row.0).collect::<Vec<u64>>());
+        writer.column(&format!("{prefix}upstream"), arrived.iter().map(|row| row.1).collect::<Vec<u8>>());
+    }
+
+    /// True while ghosts are on paths that somebody must tell the solver.
+    pub const fn steers(&self) -> bool {
+        matches!(self.replay.path, PathMode::Recorded | PathMode::Compliant)
+    }
+
+    /// Where a ghost of this stream is at `step`.
+    pub fn motion(&self, id: ParticleId, step: u64) -> Option<PrescribedMotion> {
+        self.replayer.motion(id, step).map(prescribed)
+    }
+
+    /// True once everything has arrived.
+    pub fn is_finished(&self) -> bool {
+        self.replayer.is_finished()
+    }
+
+    /// Looks up what is due, and brings in ghosts.
+    pub fn insert_due(&mut self, simulation: &mut Simulation, step: u64) -> Result<(), BackendError> {
+        self.due = self.replayer.due(step)?;
+        let path = match self.replay.path {
+            PathMode::Constant => Path::Constant,
+            PathMode::Ballistic => Path::Ballistic,
+            PathMode::Recorded | PathMode::Compliant => Path::Recorded,
+        };
+        let ghosts: Vec<_> =
+            self.due.insert.iter().map(|entry| (entry.state, path, prescribed(entry.motion))).collect();
+        simulation.insert_prescribed(&ghosts);
+        Ok(())
+    }
+
+    /// Turns ghosts into ordinary particles, ghosts steered to the present step.
+    pub fn release_due(&mut self, simulation: &mut Simulation, step: u64) -> Result<(), BackendError> {
+        let due = std::mem::take(&mut self.due);
+        simulation.tether(&due.tether, self.tether);
+        if !due.release.is_empty() {
+            let ids: Vec<ParticleId> = due.release.iter().map(|release| release.state.id).collect();
+            if self.replay.path == PathMode::Compliant {
+                simulation.untether(&ids);
+            }
+            let arrivals: Vec<Arrival> = due.release.iter().map(|release| self.arrival(release)).collect();
+            self.histories += simulation.release(&arrivals);
+            self.arrived.extend(ids.into_iter().map(|id| (id, false)));
+        }
+        if step.is_multiple_of(HAND_OVER_STEPS) && !self.arrived.is_empty() {
+            self.look_back(simulation)?;
+            self.watch_pressure(simulation)?;
+        }
+        Ok(())
+    }
+
+    fn arrival(&self, release: &Release) -> Arrival {
+        let own = |contact: &StoredContact| {
+            let partner = match contact.partner {
+                ContactPartner::Particle(id) => Partner::Particle(id),
+                ContactPartner::Part { part, element } => {
+                    Partner::Part { part: self.parts.get(usize::from(part)).copied().flatten()?, element }
+                }
+            };
+            Some((partner, Memory { tangential: contact.tangential_memory, rolling: contact.rolling_memory }))
+        };
+        Arrival {
+            state: release.state,
+            force: release.force,
+            torque: release.torque,
+            contacts: release.contacts.iter().filter_map(own).collect(),
+        }
+    }
+
+    /// Particles that have arrived and are upstream of the generation plane again.
+    fn look_back(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
+        let mut back: Vec<(ParticleId, Vec3)> = Vec::new();
+        for view in simulation.views() {
+            if self.plane.distance(&view.position) < -self.replay.length && self.arrived.contains_key(&view.id) {
+                back.push((view.id, view.position));
+            }
+        }
+        back.sort_unstable_by_key(|(id, _)| *id);
+        for (id, _) in &back {
+            let gone = self.arrived.entry(*id).or_default();
+            self.left_upstream += u64::from(!std::mem::replace(gone, true));
+        }
+        match (self.replay.leaving, back.first()) {
+            (Fate::Keep, _) | (_, None) => Ok(()),
+            (Fate::Delete, Some(_)) => {
+                let ids: Vec<ParticleId> = back.iter().map(|(id, _)| *id).collect();
+                ids.iter().for_each(|id| drop(self.arrived.remove(id)));
+                simulation.remove_particles(&ids, RemovalCause::Fate);
+                Ok(())
+            }
+            (Fate::Error, Some((id, place))) => Err(stopped(
+                simulation,
+                &self.name,
+                &format!(
+                    "particle {} of feed {} went back upstream beyond the generation plane, to ({:.6}, {:.6}, {:.6}) m; move \
+                     the gate to where nothing comes back, or set `leaving` of the replay to \"keep\" or \"delete\"",
+                    id.serial(),
+                    id.feed(),
+                    place.x,
+                    place.y,
+                    place.z
+                ),
+            )),
+        }
+    }
+
+    /// Passes on what came of the replay.
+    pub fn finish(self) -> ReplayResult {
+        ReplayResult {
+            name: self.name,
+            stream: self.counts,
+            tally: self.replayer.tally(),
+            replay: self.replay,
+            histories: self.histories,
+            watch: self.watch,
+            left_upstream: self.left_upstream,
+        }
+    }
+}
+
+fn stopped(simulation: &Simulation, stream: &str, what: &str) -> BackendError {
+    BackendError::Gate {
+        what: format!("stream '{stream}': {what}"),
+        time: simulation.time(),
+        steps: simulation.steps_done(),
+    }
+}
+
+/// Name under which a stream's state stands in a checkpoint.
+fn prefix(name: &str) -> String {
+    format!("replay.{name}.")
+}
+
+const fn prescribed(motion: Motion) -> PrescribedMotion {
+    let Motion { position, velocity, spin, acceleration, spin_acceleration } = motion;
+    PrescribedMotion { position, velocity, spin, acceleration, spin_acceleration }
+}

@@ -1,0 +1,133 @@
+//! Gates of a native run: after every time step, particles arrive, and particles that pass are recorded.
+//!
+//! Arrivals come first: a particle released at a step is an ordinary particle of that step when recorders look.
+
+mod arrivals;
+mod columns;
+mod recording;
+
+use super::{Kick, Request};
+use crate::backend::BackendError;
+use crate::dem::simulation::Simulation;
+use crate::math::Vec3;
+use crate::scene::Scene;
+use crate::scene::gate::Replay;
+use crate::storage::columns::{ColumnReader, ColumnWriter};
+pub use arrivals::ReplayResult;
+use arrivals::Arrivals;
+use rand::seq::IndexedRandom;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+pub use recording::RecordResult;
+use recording::Recording;
+use std::path::PathBuf;
+
+/// A stream that enters a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReplayOrder {
+    /// Its name: the gate's, or the folder's.
+    pub name: String,
+    /// How it is replayed.
+    pub replay: Replay,
+    /// Where it is stored.
+    pub stream: PathBuf,
+    /// Added to the feed numbers in its particles' identities.
+    pub feed_offset: u32,
+    /// How many feed numbers its particles take, from `feed_offset` on.
+    pub feed_numbers: u32,
+}
+
+/// What came through the gates of a stage.
+#[derive(Debug, Clone, Default)]
+pub struct GateResults {
+    /// Streams recorded.
+    pub recorded: Vec<RecordResult>,
+    /// Streams replayed.
+    pub replayed: Vec<ReplayResult>,
+}
+
+/// Everything that a run does at its gates.
+#[derive(Debug)]
+pub struct HandOver {
+    arrivals: Vec<Arrivals>,
+    recordings: Vec<Recording>,
+    kick: Option<Kick>,
+}
+
+impl HandOver {
+    /// The gates of a stage that begins, or goes on from a checkpoint (`held`).
+    pub fn open(
+        scene: &Scene,
+        request: &Request,
+        simulation: &Simulation,
+        held: Option<&ColumnReader>,
+    ) -> Result<Self, BackendError> {
+        let arrivals = request.replays.iter().map(|order| Arrivals::open(scene, order, simulation, held));
+        let arrivals = arrivals.collect::<Result<_, _>>()?;
+        let recordings = request.records.iter().map(|order| Recording::open(scene, order, request, simulation, held));
+        let recordings = recordings.collect::<Result<_, _>>()?;
+        Ok(Self { arrivals, recordings, kick: request.kick.filter(|_| held.is_none()) })
+    }
+
+    /// Does what is due after a time step, and before the first one.
+    pub fn look(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
+        if let Some(kick) = self.kick.filter(|_| simulation.particle_count() > 0) {
+            displace_one(simulation, kick);
+            self.kick = None;
+        }
+        if !self.arrivals.is_empty() {
+            self.bring(simulation)?;
+        }
+        for recording in &mut self.recordings {
+            recording.look(simulation)?;
+        }
+        Ok(())
+    }
+
+    fn bring(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
+        let step = simulation.steps_done();
+        for arrivals in &mut self.arrivals {
+            arrivals.insert_due(simulation, step)?;
+        }
+        if self.arrivals.iter().any(Arrivals::steers) {
+            let arrivals = &self.arrivals;
+            simulation.steer(|id| arrivals.iter().find_map(|arrivals| arrivals.motion(id, step)));
+        }
+        for arrivals in &mut self.arrivals {
+            arrivals.release_due(simulation, step)?;
+        }
+        simulation.expect_arrivals(self.arrivals.iter().any(|arrivals| !arrivals.is_finished()));
+        Ok(())
+    }
+
+    /// Puts the gates' state into a checkpoint.
+    pub fn save(&self, writer: &mut ColumnWriter) {
+        self.recordings.iter().for_each(|recording| recording.save(writer));
+        self.arrivals.iter().for_each(|arrivals| arrivals.save(writer));
+    }
+
+    /// Finishes the streams of a run that came to its end by itself; of another one they stay unfinished.
+    pub fn finish(self, simulation: &Simulation, ended: bool) -> Result<GateResults, BackendError> {
+        let recorded = self.recordings.into_iter().map(|recording| recording.finish(simulation, ended));
+        let recorded = recorded.collect::<Result<_, _>>()?;
+        let replayed = self.arrivals.into_iter().map(|arrivals| arrivals.finish(simulation)).collect();
+        Ok(GateResults { recorded, replayed })
+    }
+}
+
+/// Moves one particle, drawn by number, by the kick's length into a drawn direction.
+fn displace_one(simulation: &mut Simulation, kick: Kick) {
+    let mut draw = ChaCha8Rng::seed_from_u64(simulation.setup().seed);
+    draw.set_stream(kick.draw);
+    let ids: Vec<_> = simulation.particles().iter().map(|particle| particle.id).collect();
+    let direction = loop {
+        let try_it = Vec3::from_fn(|_, _| draw.random_range(-1.0..1.0));
+        let square: f64 = try_it.norm_squared();
+        if (1e-3..1.0).contains(&square) {
+            break try_it / square.sqrt();
+        }
+    };
+    if let Some(id) = ids.choose(&mut draw) {
+        simulation.displace(*id, simulation.setup().body.in_plane(&(direction * kick.length)));
+    }
+}

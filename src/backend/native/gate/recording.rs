@@ -1,0 +1,232 @@
+//! A gate that is recorded.
+
+use crate::backend::BackendError;
+use crate::backend::native::{NAME, NUMERICS_VERSION, Request};
+use crate::dem::view::ParticleView;
+use crate::dem::held_contact::HeldContact;
+use crate::dem::inspect::Partner;
+use crate::dem::law::Compatibility;
+use crate::dem::particles::Path;
+use crate::dem::removal::RemovalCause;
+use crate::dem::simulation::Simulation;
+use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
+use crate::gate::record::{RecordTally, Recorder, RecorderState, Role};
+use crate::gate::stream::format;
+use crate::gate::stream::columns::{columns, from_columns};
+use crate::gate::stream::format::{Manifest, Origin, StoredEvent};
+use crate::gate::stream::writer::{Closing, StreamWriter};
+use crate::scene::Scene;
+use crate::scene::gate::{ExclusionMode, Gate};
+use crate::stage::split;
+use crate::storage::StorageError;
+use crate::storage::columns::{ColumnReader, ColumnWriter, read_all};
+use std::fs;
+
+/// A stream that a stage has recorded.
+#[derive(Debug, Clone)]
+pub struct RecordResult {
+    /// The gate.
+    pub gate: Gate,
+    /// True where it was only looked at.
+    pub observed: bool,
+    /// What passed, and what became of it.
+    pub tally: RecordTally,
+    /// Manifest of the stream; `None` where the run did not come to its end.
+    pub manifest: Option<Manifest>,
+}
+
+/// A gate that is recorded.
+#[derive(Debug)]
+pub struct Recording {
+    gate: Gate,
+    observes: bool,
+    recorder: Recorder,
+    writer: StreamWriter,
+}
+
+impl Recording {
+    /// Begins to record, or goes on from a checkpoint.
+    pub fn open(
+        scene: &Scene,
+        order: &split::Recording,
+        request: &Request,
+        simulation: &Simulation,
+        held: Option<&ColumnReader>,
+    ) -> Result<Self, BackendError> {
+        let gate = order.gate.clone();
+        let role = if order.observes { Role::Observe } else { Role::HandOver };
+        let timestep = simulation.setup().timestep;
+        let mut recorder = Recorder::new(&gate, role, scene.gravity, timestep, scene.largest_diameter());
+        let place = request.folder.join("streams").join(&gate.name);
+        let origin = origin(scene, order, request, simulation);
+        let writer = match held {
+            None => {
+                // Left by a run into this folder that was killed before it could say that it was done.
+                if place.exists() {
+                    fs::remove_dir_all(&place).map_err(|source| StorageError::system("remove", &place, source))?;
+                }
+                StreamWriter::create(&place, origin)?
+            }
+            Some(reader) => {
+                let prefix = prefix(&gate);
+                let path = request.folder;
+                recorder.restore(&recorder_state(reader, &prefix)?).map_err(|reason| {
+                    BackendError::Checkpoint(format!("the state of gate '{}' cannot be used: {reason}", gate.name))
+                })?;
+                let pending = from_columns(path, &mut read_all(reader)?, &format!("{prefix}pending."))?;
+                let sealed = reader.attribute_u64(&format!("{prefix}sealed"))? as usize;
+                StreamWriter::resume(&place, origin, sealed, pending)?
+            }
+        };
+        Ok(Self { gate, observes: order.observes, recorder, writer })
+    }
+
+    /// Looks at all particles after a time step.
+    pub fn look(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
+        let look = self.recorder.look(simulation.steps_done(), simulation.views().map(|view| seen(&view)));
+        for (id, contacts) in simulation.contacts_of(&look.crossed) {
+            let Some((state, force, torque)) = simulation.loaded_state(id) else { continue };
+            let contacts = contacts.iter().map(stored).collect();
+            self.writer.push(self.recorder.crossing(state, force, torque, contacts))?;
+        }
+        match self.gate.exclusion.mode {
+            ExclusionMode::Constant => simulation.prescribe(&look.freeze, Path::Constant),
+            ExclusionMode::Ballistic => simulation.prescribe(&look.freeze, Path::Ballistic),
+            ExclusionMode::Buffer => {}
+        }
+        if !look.exclude.is_empty() {
+            simulation.remove_particles(&look.exclude, RemovalCause::Gate);
+        }
+        if !look.delete.is_empty() {
+            simulation.remove_particles(&look.delete, RemovalCause::Fate);
+        }
+        match look.error {
+            None => Ok(()),
+            Some(what) => Err(BackendError::Gate {
+                what: format!("gate '{}': {what}", self.gate.name),
+                time: simulation.time(),
+                steps: simulation.steps_done(),
+            }),
+        }
+    }
+
+    /// Puts its state into a checkpoint.
+    pub fn save(&self, writer: &mut ColumnWriter) {
+        let prefix = prefix(&self.gate);
+        let state = self.recorder.state();
+        for (name, column) in state.reals {
+            writer.column(&format!("{prefix}{name}"), column);
+        }
+        for (name, column) in state.integers {
+            writer.column(&format!("{prefix}{name}"), column);
+        }
+        writer.attribute(&format!("{prefix}progress"), state.progress);
+        writer.attribute(&format!("{prefix}sealed"), self.writer.sealed() as u64);
+        for (name, column) in columns(self.writer.pending()) {
+            writer.column(&format!("{prefix}pending.{name}"), column);
+        }
+    }
+
+    /// Closes the stream of a run that came to its end; an interrupted one goes on later.
+    pub fn finish(self, simulation: &Simulation, ended: bool) -> Result<RecordResult, BackendError> {
+        let tally = self.recorder.tally();
+        let parts = &simulation.setup().parts;
+        let events = simulation.part_events().iter().map(|event| StoredEvent {
+            part: parts[usize::from(event.part)].name.clone(),
+            present: event.present,
+            time: event.time,
+        });
+        let closing = Closing { events: events.collect(), quality: tally.to_json() };
+        let manifest = if ended { Some(self.writer.finish(closing)?) } else { None };
+        Ok(RecordResult { gate: self.gate, observed: self.observes, tally, manifest })
+    }
+}
+
+/// Name under which a gate's state stands in a checkpoint.
+fn prefix(gate: &Gate) -> String {
+    format!("record.{}.", gate.name)
+}
+
+fn recorder_state(reader: &ColumnReader, prefix: &str) -> Result<RecorderState, StorageError> {
+    let mut state = RecorderState {
+        progress: reader.attribute_text(&format!("{prefix}progress"))?.to_owned(),
+        ..RecorderState::default()
+    };
+    for name in RecorderState::REALS {
+        state.reals.push((name, reader.f64s(&format!("{prefix}{name}"))?));
+    }
+    for name in RecorderState::INTEGERS {
+        state.integers.push((name, reader.u64s(&format!("{prefix}{name}"))?));
+    }
+    Ok(state)
+}
+
+fn origin(scene: &Scene, order: &split::Recording, request: &Request, simulation: &Simulation) -> Origin {
+    let gate = &order.gate;
+    let law = &scene.law;
+    let ahead = match law.compatibility {
+        Compatibility::Tollgate => "memories stand half a time step ahead of the grid state",
+        Compatibility::Liggghts => "memories stand at the grid state",
+    };
+    Origin {
+        gate: gate.name.clone(),
+        plane: gate.plane,
+        passage: gate.passage,
+        gravity: scene.gravity,
+        exclusion: (!order.observes).then_some(gate.exclusion),
+        paths: gate.paths,
+        role: if order.observes { format::Role::Observed } else { format::Role::HandOver },
+        stage: request.stage.to_owned(),
+        stage_key: request.key.to_owned(),
+        backend: NAME.to_owned(),
+        backend_version: env!("CARGO_PKG_VERSION").to_owned(),
+        numerics_version: NUMERICS_VERSION,
+        timestep: simulation.setup().timestep,
+        materials: scene.materials.materials.clone(),
+        part_names: scene.parts.iter().map(|part| part.name.clone()).collect(),
+        body: scene.body,
+        feeds: feed_names(scene, request),
+        laws: format!("{:?}, tangential {:?}, rolling {:?}; {ahead}", law.normal, law.tangential, law.rolling),
+        provenance: Vec::new(),
+    }
+}
+
+/// Names of feeds by number; those that particles of replayed streams have beyond the scene's own bear the stream's name.
+fn feed_names(scene: &Scene, request: &Request) -> Vec<String> {
+    let mut names: Vec<String> = scene.feeds.iter().map(|feed| feed.name.clone()).collect();
+    for order in request.replays {
+        let end = (order.feed_offset + order.feed_numbers) as usize;
+        (names.len()..end).for_each(|number| names.push(format!("{} {number}", order.name)));
+    }
+    names
+}
+
+fn seen(view: &ParticleView) -> Seen {
+    Seen {
+        id: view.id,
+        radius: view.radius,
+        motion: Motion {
+            position: view.position,
+            velocity: view.velocity,
+            spin: view.spin,
+            acceleration: view.acceleration,
+            spin_acceleration: view.spin_acceleration,
+        },
+    }
+}
+
+fn stored(contact: &HeldContact) -> StoredContact {
+    StoredContact {
+        partner: match contact.partner {
+            Partner::Particle(id) => ContactPartner::Particle(id),
+            Partner::Part { part, element } => ContactPartner::Part { part, element },
+        },
+        point: contact.point,
+        normal: contact.normal,
+        overlap: contact.overlap,
+        normal_force: contact.normal_force,
+        tangential_force: contact.tangential_force,
+        tangential_memory: contact.memory.tangential,
+        rolling_memory: contact.memory.rolling,
+    }
+}

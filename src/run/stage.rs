@@ -1,0 +1,164 @@
+//! One stage: its key, its folder, its backend, its measures, its summary.
+
+use super::folder::{Claim, RunFolder};
+use super::streams::{self, StreamInput};
+use super::{RunError, RunRequest, picture, summary};
+use crate::analysis::{MeasureResult, Observed, evaluate};
+use crate::backend::native::{self, Kick};
+use crate::exit_code;
+use crate::output::summary::Summary;
+use crate::output::timing::reset_peak_memory;
+use crate::plan::Plan;
+use crate::scene::Scene;
+use crate::stage::key::{Choices, StageKey};
+use crate::stage::split::{StageJob, take_events};
+use crate::storage::StorageError;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// What all stages of a run share.
+#[derive(Debug)]
+pub struct StageOrder<'a> {
+    /// The command line.
+    pub request: &'a RunRequest,
+    /// The plan of the whole scene: one time step and one set of models for all stages.
+    pub plan: &'a Plan,
+    /// Threads.
+    pub threads: usize,
+    /// A particle is moved at the start.
+    pub kick: Option<Kick>,
+    /// What the user is warned of before the run.
+    pub warnings: Vec<String>,
+    /// Set from outside to end the run.
+    pub interrupted: &'a AtomicBool,
+}
+
+/// A stage whose result is there.
+#[derive(Debug)]
+pub struct StageOutcome {
+    /// Its name.
+    pub stage: String,
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Its summary.
+    pub summary: Summary,
+    /// True where an earlier run had done it.
+    pub was_done: bool,
+    /// Wall time by phase, as a table; empty where nothing was computed.
+    pub timing: String,
+}
+
+/// Runs a stage into `place`, unless its result is there already or in a run that may be used again.
+pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInput]) -> Result<StageOutcome, RunError> {
+    let mut job = job.clone();
+    for input in inputs {
+        take_events(&mut job.scene, &input.events());
+    }
+    let key = stage_key(order, &job, inputs)?;
+    for root in order.request.reuse.iter().filter(|_| !place.exists()) {
+        let other = super::stage_folder(root, &job.name);
+        if let Some(summary) = RunFolder::finished_elsewhere(&other, &key)?
+            && summary.outcome.exit_code == exit_code::DONE
+        {
+            return Ok(StageOutcome { stage: job.name.clone(), folder: other, summary, was_done: true, timing: String::new() });
+        }
+    }
+    let folder = RunFolder::claim(place, &key, Claim::new(order.request.resume))?;
+    if let Some(summary) = folder.finished()? {
+        if summary.outcome.exit_code == exit_code::UNSTABLE {
+            return Err(RunError::StoppedBefore(summary.outcome.reason));
+        }
+        return Ok(StageOutcome { stage: job.name.clone(), folder: place.to_path_buf(), summary, was_done: true, timing: String::new() });
+    }
+    compute(order, &job, place, inputs, &key, &folder)
+}
+
+/// A stage that an earlier command has run into `place`.
+pub fn found(name: &str, place: &Path) -> Result<Option<StageOutcome>, RunError> {
+    let path = place.join("summary.json");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let summary = Summary::read(&path)?;
+    let (stage, folder) = (name.to_owned(), place.to_path_buf());
+    Ok(Some(StageOutcome { stage, folder, summary, was_done: true, timing: String::new() }))
+}
+
+fn compute(
+    order: &StageOrder,
+    job: &StageJob,
+    place: &Path,
+    inputs: &[StreamInput],
+    key: &StageKey,
+    folder: &RunFolder,
+) -> Result<StageOutcome, RunError> {
+    let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
+    setup.momentum = job.is_cut();
+    let replays = streams::replays(job, inputs);
+    let stage = native::Request {
+        folder: place,
+        key: &key.key,
+        stage: &job.name,
+        resume: order.request.resume,
+        verbosity: order.request.verbosity,
+        interrupted: order.interrupted,
+        records: &job.records,
+        replays: &replays,
+        kick: order.kick.filter(|_| inputs.is_empty()),
+    };
+    reset_peak_memory();
+    let mut warned = order.warnings.clone();
+    let result = match native::run(&job.scene, setup, &stage) {
+        Ok(result) => result,
+        Err(error) => {
+            // What went wrong first is what the user must hear of, also where the disk takes no summary any more.
+            drop(summary::of_failure(order, job, &error, warned).write(&folder.summary_path()));
+            return Err(error.into());
+        }
+    };
+    warned.extend(result.warnings());
+    let measures = measured(&job.scene, &result, place)?;
+    picture::draw(&job.scene, &result, &measures, place)?;
+    let summary = summary::of(order, job, &result, &measures, warned);
+    summary.write(&folder.summary_path())?;
+    Ok(StageOutcome { stage: job.name.clone(), folder: place.to_path_buf(), summary, was_done: false, timing: result.timing.table() })
+}
+
+fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Result<StageKey, RunError> {
+    let scene = &job.scene;
+    if let Some(missing) = scene.start_checkpoint.as_ref().filter(|path| !path.is_file()) {
+        let shown = missing.display();
+        return Err(RunError::Folder(format!(
+            "there is no checkpoint {shown} to start from; run what writes it first"
+        )));
+    }
+    let plan = order.plan;
+    let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
+    let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;
+    let streams: Vec<&str> = inputs.iter().map(|input| input.digest.as_str()).collect();
+    let choices = Choices {
+        backend: native::NAME,
+        numerics_version: native::NUMERICS_VERSION,
+        timestep: plan.timestep.chosen,
+        skin: plan.skin.skin,
+        models: &models,
+        start: start.as_deref(),
+        records: &job.records,
+        replays: &job.replays,
+        streams: &streams,
+        kick: order.kick.filter(|_| inputs.is_empty()).map(|kick| (kick.length, kick.draw)),
+    };
+    Ok(StageKey::new(scene, &choices))
+}
+
+fn measured(scene: &Scene, result: &native::StageResult, folder: &Path) -> Result<Vec<MeasureResult>, StorageError> {
+    let mass_series = summary::mass_series(scene, folder)?;
+    let observed = Observed {
+        body: scene.body,
+        particles: &result.particles,
+        contacts: &result.contacts,
+        wall_contacts: &result.wall_contacts,
+        mass_series: &mass_series,
+    };
+    Ok(evaluate(&scene.measures, &observed))
+}
