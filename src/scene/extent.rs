@@ -1,12 +1,12 @@
 //! How far things reach: bounds of surfaces along their motion, of regions and faces, and the domain that follows.
 
 use super::Domain;
-use super::resolve::Draft;
-use crate::dem::feed::{Face, FeedKind, Region};
+use super::resolve::{Draft, Located};
+use crate::dem::feed::{Face, Feed, FeedKind, Region};
 use crate::geometry::motion::{Motion, MotionKind};
 use crate::geometry::part::Surface;
 use crate::math::{Bounds, Vec3};
-use crate::particle::SizeDistribution;
+use crate::particle::{ParticleClass, SizeDistribution};
 
 /// Smallest and largest diameter a distribution can draw [m].
 pub(super) fn diameter_range(sizes: &SizeDistribution) -> (f64, f64) {
@@ -26,9 +26,9 @@ pub(super) fn diameter_range(sizes: &SizeDistribution) -> (f64, f64) {
 }
 
 /// The largest diameter of any particle in the scene [m]; 0 without particles.
-pub(super) fn largest_diameter(draft: &Draft) -> f64 {
-    let classes = draft.classes.iter().filter_map(|class| class.item.as_ref()).map(|c| diameter_range(&c.diameter).1);
-    let files = draft.feeds.iter().flat_map(|feed| match &feed.item.kind {
+pub(super) fn largest_diameter(classes: &[Located<Option<ParticleClass>>], feeds: &[Located<Feed>]) -> f64 {
+    let classes = classes.iter().filter_map(|class| class.item.as_ref()).map(|c| diameter_range(&c.diameter).1);
+    let files = feeds.iter().flat_map(|feed| match &feed.item.kind {
         FeedKind::File { particles } => particles.as_slice(),
         _ => &[],
     });
@@ -163,7 +163,7 @@ pub(super) fn domain(draft: &Draft) -> Domain {
     if bounds.is_empty() {
         bounds.include(&Vec3::zeros());
     }
-    let margin = (0.1 * bounds.size().max()).max(2.0 * largest_diameter(draft));
+    let margin = (0.1 * bounds.size().max()).max(2.0 * largest_diameter(&draft.classes, &draft.feeds));
     let grown = bounds.grown(margin);
     let bounds = Bounds {
         minimum: draft.domain.minimum.unwrap_or(grown.minimum),

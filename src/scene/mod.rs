@@ -6,7 +6,9 @@
 pub mod diagnostics;
 mod extent;
 pub mod gate;
+pub mod layout;
 mod quantity;
+pub(crate) mod reach;
 mod read;
 mod reader;
 mod resolve;
@@ -17,7 +19,7 @@ mod tree;
 pub use diagnostics::{Finding, Severity};
 pub use read::{read, read_text};
 
-use crate::dem::feed::Feed;
+use crate::dem::feed::{Feed, FeedKind};
 use crate::dem::law::LawSettings;
 use crate::geometry::part::{AtRest, Part};
 use crate::material::MaterialTable;
@@ -59,10 +61,23 @@ pub struct Scene {
     pub measures: Vec<Measure>,
     /// Gates, in the scene's order.
     pub gates: Vec<gate::Gate>,
-    /// Stages in the scene's order, or as the gates imply them; none where there is no gate.
+    /// Stages in the scene's order, or as the gates imply them; none where there is neither gate nor stage.
     pub stages: Vec<gate::StageOutline>,
     /// Start from another run's checkpoint instead of an empty scene.
     pub start_checkpoint: Option<PathBuf>,
+}
+
+impl Scene {
+    /// The largest diameter of any particle that a class or an initial state can bring [m]; 0 without particles.
+    #[must_use]
+    pub fn largest_diameter(&self) -> f64 {
+        let classes = self.classes.iter().map(|class| extent::diameter_range(&class.diameter).1);
+        let files = self.feeds.iter().flat_map(|feed| match &feed.kind {
+            FeedKind::File { particles } => particles.as_slice(),
+            _ => &[],
+        });
+        classes.chain(files.map(|particle| 2.0 * particle.radius)).fold(0.0, f64::max)
+    }
 }
 
 /// The domain and its borders.

@@ -112,8 +112,8 @@ fn assemble(draft: Draft, domain: Domain) -> Option<Scene> {
         end: draft.end?,
         output: draft.output,
         measures: measures.collect(),
-        gates: Vec::new(),
-        stages: Vec::new(),
+        gates: draft.gates.into_iter().map(|gate| gate.item).collect(),
+        stages: draft.stages.stages.into_iter().map(|stage| stage.item).collect(),
         start_checkpoint: draft.start_checkpoint,
     })
 }

@@ -23,6 +23,8 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
             "end",
             "output",
             "measure",
+            "gate",
+            "stage",
         ],
     ),
     ("domain", &["min", "max", "boundary"]),
@@ -104,6 +106,32 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
     ("output", &["frames", "formats", "contacts", "series", "energy", "checkpoints"]),
     ("measure", &["name", "kind", "region", "along", "point", "normal"]),
     ("measure.region", &["min", "max"]),
+    ("gate", &["name", "point", "normal", "aperture", "passage", "exclusion", "paths", "returning", "sitting"]),
+    ("gate.aperture", &["shape", "radius", "side_a", "side_b"]),
+    ("gate.exclusion", &["mode", "length"]),
+    ("gate.paths", &["every", "length"]),
+    ("stage", &["name", "parts", "feeds", "records", "end", "replay"]),
+    (
+        "stage.replay",
+        &[
+            "gate",
+            "stream",
+            "path",
+            "length",
+            "clock",
+            "timing",
+            "from",
+            "until",
+            "loops",
+            "gap",
+            "place",
+            "mirror",
+            "leaving",
+            "backing_up",
+            "compliance",
+        ],
+    ),
+    ("stage.replay.mirror", &["point", "normal"]),
 ];
 
 /// Keys that never carry a unit.
@@ -142,6 +170,28 @@ const WORDS: &[&str] = &[
     "energy",
     "models",
     "between",
+    "gate",
+    "stage",
+    "aperture",
+    "passage",
+    "exclusion",
+    "mode",
+    "paths",
+    "every",
+    "returning",
+    "sitting",
+    "parts",
+    "feeds",
+    "records",
+    "replay",
+    "stream",
+    "path",
+    "clock",
+    "timing",
+    "loops",
+    "mirror",
+    "leaving",
+    "backing_up",
 ];
 
 /// True where `section` has `key`.
@@ -163,7 +213,8 @@ mod tests {
         // The reader asserts that it asks for no other key than these; this is the other direction.
         let scenes = concat!(
             include_str!("../../tests/scenes/good/everything.toml"),
-            include_str!("../../tests/scenes/good/plane.toml")
+            include_str!("../../tests/scenes/good/plane.toml"),
+            include_str!("../../tests/scenes/good/gates.toml")
         );
         for (section, keys) in SECTIONS {
             for key in *keys {

@@ -79,6 +79,14 @@ impl Table {
         }
     }
 
+    /// The gate that a replay names.
+    fn gate(&self) -> Option<&str> {
+        match self.get("gate") {
+            Some(Node { value: Value::Text(gate), .. }) => Some(gate),
+            _ => None,
+        }
+    }
+
     /// The two materials of a pair.
     fn between(&self) -> Option<(&str, &str)> {
         let Some(Node { value: Value::Array(ends), .. }) = self.get("between") else { return None };
@@ -201,10 +209,10 @@ fn place_value(node: &mut Node, steps: &[&str], path: &str, value: Value, place:
     }
 }
 
-/// Position of the element that `step` names: its `name`, its materials `a-b`, or its number from 0.
+/// Position of the element that `step` names: its `name`, its `gate`, its materials `a-b`, or its number from 0.
 fn element(items: &[Node], step: &str) -> Option<usize> {
     let named = items.iter().position(|item| match &item.value {
-        Value::Table(inner) => inner.name() == Some(step) || inner.is_pair(step),
+        Value::Table(inner) => inner.name() == Some(step) || inner.gate() == Some(step) || inner.is_pair(step),
         _ => false,
     });
     named.or_else(|| step.parse().ok().filter(|index| *index < items.len()))
@@ -212,7 +220,7 @@ fn element(items: &[Node], step: &str) -> Option<usize> {
 
 fn missing_element(items: &[Node], step: &str, path: &str) -> Refusal {
     let named = |item: &Node| match &item.value {
-        Value::Table(inner) => inner.name().map(str::to_owned).or_else(|| inner.pair()),
+        Value::Table(inner) => inner.name().or_else(|| inner.gate()).map(str::to_owned).or_else(|| inner.pair()),
         _ => None,
     };
     let names: Vec<String> = items.iter().filter_map(named).collect();

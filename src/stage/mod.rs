@@ -1,3 +1,6 @@
-//! Stages: one solver run over one region and time. What identifies a stage's result stands in [`key`].
+//! Stages: one solver run over one region and time. How they follow each other stands in [`graph`], what each of them sees
+//! in [`split`], what identifies its result in [`key`].
 
+pub mod graph;
 pub mod key;
+pub mod split;

@@ -200,7 +200,7 @@ impl<'a> Reader<'a> {
         None
     }
 
-    pub(super) fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
+    pub(in crate::scene) fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
         self.report.error("out-of-range", place, format!("`{key}` must {words}, and is {given}"), "correct the value");
     }
 

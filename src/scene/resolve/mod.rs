@@ -1,14 +1,18 @@
 //! From the tree to typed parts of a scene. What is wrong goes to the report; what is right goes on, so that rules
 //! between keys can still be checked.
 
+mod gates;
 mod materials;
 mod outputs;
 mod particles;
 mod parts;
 mod regions;
 mod sources;
+mod stages;
 
 use super::diagnostics::{Place, Report};
+use super::extent;
+use super::gate::Gate;
 use super::quantity::Dimension;
 use super::reader::{Limit, Reader};
 use super::tree::{Node, Value};
@@ -25,6 +29,9 @@ use std::path::{Path, PathBuf};
 const VERSION: u64 = 1;
 /// Standard gravity [m/s2] (CGPM 1901, rounded as engineers do).
 const GRAVITY: f64 = 9.81;
+
+/// A name as given: what it names, itself, where it stands.
+pub(super) type Name = (&'static str, String, Place);
 
 /// Something resolved and the path of its keys, for the rules' findings.
 #[derive(Debug)]
@@ -75,9 +82,11 @@ pub(super) struct Draft {
     pub end: Option<EndConditions>,
     pub output: OutputSettings,
     pub measures: Vec<Located<MeasureDraft>>,
+    pub gates: Vec<Located<Gate>>,
+    pub stages: stages::Stages,
     pub start_checkpoint: Option<PathBuf>,
-    /// Names of feeds, parts and measures as given, with their places: also of those that did not resolve.
-    pub names: Vec<(&'static str, String, Place)>,
+    /// Names of feeds, parts, gates, stages and measures as given, with their places: also of those that did not resolve.
+    pub names: Vec<Name>,
 }
 
 /// The domain as written.
@@ -134,6 +143,16 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
     let feeds = sources::feeds(&reader, &context, &mut names);
     let parts = parts::parts(&reader, &context, &mut names);
     let end = outputs::end(&reader);
+    let largest = extent::largest_diameter(&classes, &feeds);
+    let gates = gates::gates(&reader, largest, &mut names);
+    let stages = {
+        let part_names = parts.iter().map(|part| part.item.part.name.clone()).collect();
+        let mut stage_names = Vec::new();
+        let known = stages::Known { names: &names, parts: part_names, feeds: &feeds, gates: &gates, largest };
+        let stages = stages::stages(&reader, &context, &known, &mut stage_names);
+        names.append(&mut stage_names);
+        stages
+    };
     let draft = Draft {
         name: reader.text("title").map_or_else(|| name.to_owned(), str::to_owned),
         seed: reader.integer("seed", 1).unwrap_or(1),
@@ -151,6 +170,8 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
         output: outputs::output(&reader, end.as_ref()),
         end,
         measures: outputs::measures(&reader, &mut names),
+        gates,
+        stages,
         start_checkpoint: reader.text("start_checkpoint").map(|path| base.join(path)),
         names,
     };

@@ -55,6 +55,11 @@ pub(super) fn end(reader: &Reader<'_>) -> Option<EndConditions> {
         }
         return None;
     };
+    end_conditions(table)
+}
+
+/// The keys of `[end]`, of the scene or of a stage.
+pub(super) fn end_conditions(table: Reader<'_>) -> Option<EndConditions> {
     let time = table.need_quantity("time", Time, Limit::Positive);
     let rest = table.table("at_rest", "at_rest").and_then(at_rest);
     let empty = table.boolean("empty", false);

@@ -48,19 +48,22 @@ pub(super) fn placement(reader: &Reader<'_>) -> Placement {
     let scale = reader.quantity("scale", Dimensionless, Limit::Positive).unwrap_or(1.0);
     let mut placement = Placement { scale, rotation: Rotation::identity(), translation: Vec3::zeros() };
     let Some(place) = reader.table("place", "place") else { return placement };
-    if let Some(rotate) = place.table("rotate", "place.rotate") {
-        let axis = rotate.need_direction("axis");
-        let angle = rotate.need_quantity("angle", Angle, Limit::Any);
-        let origin = rotate.vector("origin", Length).unwrap_or_else(Vec3::zeros);
-        rotate.finish();
-        if let Some((axis, angle)) = axis.zip(angle) {
-            placement.rotation = Rotation::from_axis_angle(&Unit::new_normalize(axis), angle);
-            placement.translation = origin - placement.rotation * origin;
-        }
+    if let Some((axis, angle, origin)) = place.table("rotate", "place.rotate").and_then(rotation) {
+        placement.rotation = Rotation::from_axis_angle(&Unit::new_normalize(axis), angle);
+        placement.translation = origin - placement.rotation * origin;
     }
     placement.translation += place.vector("move", Length).unwrap_or_else(Vec3::zeros);
     place.finish();
     placement
+}
+
+/// Reads `rotate`: unit axis, angle [rad], a point of the axis [m].
+pub(super) fn rotation(reader: Reader<'_>) -> Option<(Vec3, f64, Vec3)> {
+    let axis = reader.need_direction("axis");
+    let angle = reader.need_quantity("angle", Angle, Limit::Any);
+    let origin = reader.vector("origin", Length).unwrap_or_else(Vec3::zeros);
+    reader.finish();
+    axis.zip(angle).map(|(axis, angle)| (axis, angle, origin))
 }
 
 /// Reads the STL file that `file` names; `None` with a finding where that fails.

@@ -104,7 +104,8 @@ pub(super) fn check(draft: &Draft, domain: Domain, report: &Report) {
             _ => None,
         })
         .collect();
-    let subject = Subject { draft, domain, largest: extent::largest_diameter(draft), inspections, report };
+    let subject =
+        Subject { draft, domain, largest: extent::largest_diameter(&draft.classes, &draft.feeds), inspections, report };
     for rule in RULES {
         rule(&subject);
     }
