@@ -8,6 +8,7 @@ pub mod crossing;
 pub mod ghost;
 pub mod id_map;
 pub mod record;
+pub mod replay;
 pub mod stream;
 
 /// Time steps between two looks at what must enter or leave a run at a gate. Each look may renew the neighbour lists, so
