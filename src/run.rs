@@ -26,7 +26,6 @@ use folder::{Claim, RunFolder};
 use stage::{StageOrder, StageOutcome};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-pub use streams::load_gate_records;
 
 /// What is asked for on the command line.
 #[derive(Debug, Clone, Default)]
@@ -136,7 +135,11 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
     let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
     let plan = accepted_plan(&scene, request.force)?;
     let is_cut = !scene.gates.is_empty();
-    let jobs = if request.whole { whole_jobs(&scene) } else { stage_jobs(&scene) };
+    let jobs = match (is_cut, request.whole) {
+        (false, _) => vec![StageJob::uncut(&scene)],
+        (true, true) => whole_jobs(&scene),
+        (true, false) => stage_jobs(&scene),
+    };
     let chosen = chosen(&jobs, request)?;
     let order = StageOrder {
         request,
@@ -155,7 +158,7 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
             summary: outcome.summary,
         });
     }
-    let key = StageKey::of_run(&scene, request.whole, kick_of(request, draw));
+    let key = StageKey::of_run(&scene, request.whole, request.perturb.map(|length| (length, draw)));
     let claim = if request.stages.is_empty() { Claim::new(request.resume) } else { Claim::Part };
     let folder = RunFolder::claim(out, &key, claim)?;
     let mut outcomes: Vec<Option<StageOutcome>> = Vec::new();

@@ -37,6 +37,16 @@ pub struct ReleaseCount {
     pub with_parts: u64,
 }
 
+impl ReleaseCount {
+    /// Adds what became of more arrivals.
+    pub const fn add(&mut self, more: Self) {
+        self.restored += more.restored;
+        self.kept_by_solver += more.kept_by_solver;
+        self.without_partner += more.without_partner;
+        self.with_parts += more.with_parts;
+    }
+}
+
 impl Simulation {
     /// Frees prescribed particles with exactly the state given; their acceleration follows from the force and torque given as
     /// it would have followed at the end of a time step. A particle that is not here is inserted; one that is free already,

@@ -10,7 +10,7 @@ use crate::output::summary::Summary;
 use crate::output::timing::reset_peak_memory;
 use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::stage::key::{Choices, StageKey};
+use crate::stage::key::{Choices, ReplayChoice, StageKey};
 use crate::stage::split::{StageJob, take_events};
 use crate::storage::StorageError;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ pub struct StageOutcome {
 pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInput]) -> Result<StageOutcome, RunError> {
     let mut job = job.clone();
     for input in inputs {
-        take_events(&mut job.scene, &input.events());
+        take_events(&mut job.scene, &job.upstream_parts, &input.events());
     }
     let key = stage_key(order, &job, inputs)?;
     for root in order.request.reuse.iter().filter(|_| !place.exists()) {
@@ -60,7 +60,13 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
         if let Some(summary) = RunFolder::finished_elsewhere(&other, &key)?
             && summary.outcome.exit_code == exit_code::DONE
         {
-            return Ok(StageOutcome { stage: job.name.clone(), folder: other, summary, was_done: true, timing: String::new() });
+            return Ok(StageOutcome {
+                stage: job.name.clone(),
+                folder: other,
+                summary,
+                was_done: true,
+                timing: String::new(),
+            });
         }
     }
     let folder = RunFolder::claim(place, &key, Claim::new(order.request.resume))?;
@@ -68,7 +74,13 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
         if summary.outcome.exit_code == exit_code::UNSTABLE {
             return Err(RunError::StoppedBefore(summary.outcome.reason));
         }
-        return Ok(StageOutcome { stage: job.name.clone(), folder: place.to_path_buf(), summary, was_done: true, timing: String::new() });
+        return Ok(StageOutcome {
+            stage: job.name.clone(),
+            folder: place.to_path_buf(),
+            summary,
+            was_done: true,
+            timing: String::new(),
+        });
     }
     compute(order, &job, place, inputs, &key, &folder)
 }
@@ -93,7 +105,7 @@ fn compute(
     folder: &RunFolder,
 ) -> Result<StageOutcome, RunError> {
     let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
-    setup.momentum = job.is_cut();
+    setup.momentum = !job.records.is_empty() || !inputs.is_empty();
     let replays = streams::replays(job, inputs);
     let stage = native::Request {
         folder: place,
@@ -116,12 +128,17 @@ fn compute(
             return Err(error.into());
         }
     };
-    warned.extend(result.warnings());
     let measures = measured(&job.scene, &result, place)?;
     picture::draw(&job.scene, &result, &measures, place)?;
     let summary = summary::of(order, job, &result, &measures, warned);
     summary.write(&folder.summary_path())?;
-    Ok(StageOutcome { stage: job.name.clone(), folder: place.to_path_buf(), summary, was_done: false, timing: result.timing.table() })
+    Ok(StageOutcome {
+        stage: job.name.clone(),
+        folder: place.to_path_buf(),
+        summary,
+        was_done: false,
+        timing: result.timing.table(),
+    })
 }
 
 fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Result<StageKey, RunError> {
@@ -136,6 +153,7 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
     let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
     let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;
     let streams: Vec<&str> = inputs.iter().map(|input| input.digest.as_str()).collect();
+    let replays: Vec<ReplayChoice> = job.replays.iter().map(ReplayChoice::from).collect();
     let choices = Choices {
         backend: native::NAME,
         numerics_version: native::NUMERICS_VERSION,
@@ -144,7 +162,7 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
         models: &models,
         start: start.as_deref(),
         records: &job.records,
-        replays: &job.replays,
+        replays: &replays,
         streams: &streams,
         kick: order.kick.filter(|_| inputs.is_empty()).map(|kick| (kick.length, kick.draw)),
     };

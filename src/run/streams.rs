@@ -2,9 +2,9 @@
 
 use super::stage::StageOutcome;
 use super::{RunError, stage_folder};
-use crate::analysis::compare::GateRecord;
 use crate::backend::native::ReplayOrder;
-use crate::gate::stream::{Expected, Manifest, StreamReader};
+use crate::gate::stream::format::{Expected, Manifest};
+use crate::gate::stream::reader::StreamReader;
 use crate::scene::Scene;
 use crate::scene::gate::StreamSource;
 use crate::stage::split::StageJob;
@@ -55,8 +55,10 @@ pub fn inputs(
         let (name, place, expected_plane) = match &replay.source {
             StreamSource::Gate(gate) => {
                 let gate = &scene.gates[*gate];
-                let source = jobs.iter().position(|other| other.records.iter().any(|record| record.gate.name == gate.name));
-                let source = source.ok_or_else(|| RunError::Stream(format!("no stage records gate '{}'", gate.name)))?;
+                let source =
+                    jobs.iter().position(|other| other.records.iter().any(|record| record.gate.name == gate.name));
+                let source =
+                    source.ok_or_else(|| RunError::Stream(format!("no stage records gate '{}'", gate.name)))?;
                 let stage = outcomes.get(source).and_then(Option::as_ref).map(|outcome| outcome.folder.clone());
                 let stage = stage.unwrap_or_else(|| stage_folder(out, &jobs[source].name));
                 let place = stream_folder(&stage, &gate.name);
@@ -72,7 +74,8 @@ pub fn inputs(
                 (gate.name.clone(), place, Some(&gate.plane))
             }
             StreamSource::Folder(folder) => {
-                let name = folder.file_name().map_or_else(|| "stream".to_owned(), |name| name.to_string_lossy().into_owned());
+                let name =
+                    folder.file_name().map_or_else(|| "stream".to_owned(), |name| name.to_string_lossy().into_owned());
                 (name, folder.clone(), None)
             }
         };
@@ -107,7 +110,8 @@ pub fn replays(job: &StageJob, inputs: &[StreamInput]) -> Vec<ReplayOrder> {
         .iter()
         .zip(inputs)
         .map(|(replay, input)| {
-            let width = input.manifest.origin.feeds.len() as u32 * u32::try_from(replay.loops).unwrap_or(u32::MAX).max(1);
+            let width =
+                input.manifest.origin.feeds.len() as u32 * u32::try_from(replay.loops).unwrap_or(u32::MAX).max(1);
             // A stream of this scene keeps its identities, unless it comes a second time.
             let keeps = matches!(replay.source, StreamSource::Gate(_)) && !used.contains(&&replay.source);
             let feed_offset = if keeps { 0 } else { next };

@@ -143,9 +143,11 @@ pub fn of_stages(order: &StageOrder, scene: &Scene, jobs: &[StageJob], outcomes:
             *whole.timing_s.entry(phase.clone()).or_default() += seconds;
         }
         let new = part.warnings.iter().filter(|warning| warned.insert((*warning).clone()));
-        whole.warnings.extend(new.map(|warning| {
-            if order.warnings.contains(warning) { warning.clone() } else { named(warning) }
-        }));
+        whole.warnings.extend(new.map(
+            |warning| {
+                if order.warnings.contains(warning) { warning.clone() } else { named(warning) }
+            },
+        ));
         if part.outcome.exit_code != exit_code::DONE || whole.outcome.reason.is_empty() {
             whole.outcome = part.outcome.clone();
         }

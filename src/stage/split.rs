@@ -41,6 +41,24 @@ pub struct StageJob {
     pub is_leaf: bool,
 }
 
+impl StageJob {
+    /// A scene that is not cut, as one job.
+    #[must_use]
+    pub fn uncut(scene: &Scene) -> Self {
+        Self {
+            name: scene.name.clone(),
+            scene: scene.clone(),
+            records: Vec::new(),
+            replays: Vec::new(),
+            own_feeds: (0..scene.feeds.len()).collect(),
+            upstream_feeds: Vec::new(),
+            upstream_parts: Vec::new(),
+            waits_for: Vec::new(),
+            is_leaf: true,
+        }
+    }
+}
+
 /// The stages of a scene as jobs, upstream first; none for a scene without stages.
 ///
 /// # Panics

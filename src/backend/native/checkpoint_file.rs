@@ -43,7 +43,7 @@ impl CheckpointFile {
         for (name, column) in &record.integers {
             writer.column(name, column.as_slice());
         }
-        gates.save(&mut writer);
+        gates.save(simulation, &mut writer);
         writer.write(&self.path)
     }
 

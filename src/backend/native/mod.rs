@@ -109,11 +109,7 @@ pub struct StageResult {
 ///
 /// # Errors
 /// See [`BackendError`]. Whatever was written before the error stays readable.
-pub fn run(
-    scene: &Scene,
-    setup: Setup,
-    request: &Request,
-) -> Result<StageResult, BackendError> {
+pub fn run(scene: &Scene, setup: Setup, request: &Request) -> Result<StageResult, BackendError> {
     let (started, before) = (Instant::now(), ProcessUse::now());
     let checkpoint = CheckpointFile::new(request.folder, request.key);
     let mut end = EndWatch::default();

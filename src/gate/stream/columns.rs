@@ -152,12 +152,8 @@ fn passages(taken: &mut Taken, count: usize) -> Result<Vec<Passage>, StorageErro
     let position = taken.vectors("passage_position", count)?;
     let velocity = taken.vectors("passage_velocity", count)?;
     let spin = taken.vectors("passage_spin", count)?;
-    let passage = |row: usize| Passage {
-        time: time[row],
-        position: position[row],
-        velocity: velocity[row],
-        spin: spin[row],
-    };
+    let passage =
+        |row: usize| Passage { time: time[row], position: position[row], velocity: velocity[row], spin: spin[row] };
     Ok((0..count).map(passage).collect())
 }
 

@@ -2,22 +2,29 @@
 
 use super::ReplayOrder;
 use crate::backend::BackendError;
-use crate::dem::ghost::{Arrival, GhostContact, PrescribedMotion, ReleaseCount};
+use crate::backend::native::NAME;
+use crate::dem::ghost::PrescribedMotion;
 use crate::dem::inspect::Partner;
 use crate::dem::neighbor::list::Memory;
 use crate::dem::particles::Path;
+use crate::dem::release::{Arrival, ReleaseCount};
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::tether::TetherLaw;
 use crate::gate::HAND_OVER_STEPS;
-use crate::gate::crossing::{ContactPartner, Motion, StoredContact};
-use crate::gate::quality::{BackingUpWatch, GhostTouch};
-use crate::gate::replay::{Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
-use crate::gate::stream::StreamReader;
+use crate::gate::crossing::{ContactPartner, Crossing, Motion, StoredContact};
+use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
+use crate::gate::stream::format::{Counts, Manifest};
+use crate::gate::stream::reader::StreamReader;
+use crate::geometry::plane::GatePlane;
+use crate::math::Vec3;
 use crate::particle::ParticleId;
 use crate::scene::Scene;
-use crate::scene::gate::{BackingUp, Fate, PathMode, Replay};
+use crate::scene::gate::{Fate, PathMode, Replay};
+use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 
 /// A stream that a stage has replayed.
 #[derive(Debug, Clone)]
@@ -27,13 +34,11 @@ pub struct ReplayResult {
     /// How it was replayed.
     pub replay: Replay,
     /// What the stream holds.
-    pub stream: crate::gate::stream::Counts,
+    pub stream: Counts,
     /// What arrived, and what became of it.
     pub tally: ReplayTally,
     /// Contacts whose memory was asked for at the releases.
     pub histories: ReleaseCount,
-    /// Signs of a downstream that backs up.
-    pub watch: BackingUpWatch,
     /// Particles that went back upstream beyond the generation plane.
     pub left_upstream: u64,
 }
@@ -45,6 +50,7 @@ const TETHER_WEIGHTS: f64 = 10.0;
 #[derive(Debug)]
 pub struct Arrivals {
     name: String,
+    feed_offset: u32,
     replay: Replay,
     replayer: Replayer,
     counts: Counts,
@@ -54,7 +60,6 @@ pub struct Arrivals {
     tether: TetherLaw,
     due: Due,
     histories: ReleaseCount,
-    watch: BackingUpWatch,
     /// Particles that have arrived, and whether they went back upstream beyond the generation plane since.
     arrived: HashMap<ParticleId, bool>,
     left_upstream: u64,
@@ -65,7 +70,6 @@ pub struct Arrivals {
 struct Progress {
     step: u64,
     histories: [u64; 4],
-    watch: BackingUpWatch,
     left_upstream: u64,
 }
 
@@ -87,11 +91,14 @@ impl Arrivals {
             feed_offset: order.feed_offset,
             largest_diameter: scene.largest_diameter(),
             start_step: 0,
+            transform: |_, crossing| crossing,
         };
-        let facts = facts(&manifest, scene);
-        let replayer = Replayer::new(Box::new(reader), facts, &order.replay, stage)?;
+        let materials = manifest.material_numbers(&scene.materials);
+        let source = StoredStream { reader, materials };
+        let replayer = Replayer::new(Box::new(source), facts(&manifest), &order.replay, stage)?;
         let mut arrivals = Self {
             name: order.name.clone(),
+            feed_offset: order.feed_offset,
             tether: TetherLaw {
                 frequency_squared: TETHER_WEIGHTS * scene.gravity.norm() / order.replay.compliance,
                 compliance: order.replay.compliance,
@@ -99,11 +106,10 @@ impl Arrivals {
             replay: order.replay.clone(),
             replayer,
             counts: manifest.counts,
-            plane: moved_plane(&order.replay.transform, &manifest.origin.plane),
+            plane: order.replay.transform.plane(&manifest.origin.plane),
             parts: manifest.origin.part_names.iter().map(own_part).collect(),
             due: Due::default(),
             histories: ReleaseCount::default(),
-            watch: BackingUpWatch::default(),
             arrived: HashMap::new(),
             left_upstream: 0,
         };
@@ -114,14 +120,14 @@ impl Arrivals {
     }
 
     fn restore(&mut self, reader: &ColumnReader) -> Result<(), BackendError> {
-        let prefix = prefix(&self.name);
+        let prefix = self.prefix();
         let text = reader.attribute_text(&format!("{prefix}progress"))?;
         let progress: Progress = serde_json::from_str(text).map_err(|error| {
             BackendError::Checkpoint(format!("the state of stream '{}' cannot be used: {error}", self.name))
         })?;
         let [restored, kept_by_solver, without_partner, with_parts] = progress.histories;
         self.histories = ReleaseCount { restored, kept_by_solver, without_partner, with_parts };
-        (self.watch, self.left_upstream) = (progress.watch, progress.left_upstream);
+        self.left_upstream = progress.left_upstream;
         let (ids, gone) = (reader.u64s(&format!("{prefix}arrived"))?, reader.u8s(&format!("{prefix}upstream"))?);
         self.arrived = ids.into_iter().map(ParticleId).zip(gone.into_iter().map(|gone| gone != 0)).collect();
         Ok(self.replayer.seek(progress.step)?)
@@ -129,12 +135,11 @@ impl Arrivals {
 
     /// Puts its state into a checkpoint.
     pub fn save(&self, writer: &mut ColumnWriter, step: u64) {
-        let prefix = prefix(&self.name);
+        let prefix = self.prefix();
         let counts = &self.histories;
         let progress = Progress {
             step,
             histories: [counts.restored, counts.kept_by_solver, counts.without_partner, counts.with_parts],
-            watch: self.watch.clone(),
             left_upstream: self.left_upstream,
         };
         let text = serde_json::to_string(&progress).expect("plain numbers become JSON");
@@ -143,6 +148,11 @@ impl Arrivals {
         arrived.sort_unstable();
         writer.column(&format!("{prefix}arrived"), arrived.iter().map(|row| row.0).collect::<Vec<u64>>());
         writer.column(&format!("{prefix}upstream"), arrived.iter().map(|row| row.1).collect::<Vec<u8>>());
+    }
+
+    /// Name under which the state stands in a checkpoint.
+    fn prefix(&self) -> String {
+        format!("replay.{}.{}.", self.feed_offset, self.name)
     }
 
     /// True while ghosts are on paths that somebody must tell the solver.
@@ -184,12 +194,11 @@ impl Arrivals {
                 simulation.untether(&ids);
             }
             let arrivals: Vec<Arrival> = due.release.iter().map(|release| self.arrival(release)).collect();
-            self.histories += simulation.release(&arrivals);
+            self.histories.add(simulation.release(&arrivals));
             self.arrived.extend(ids.into_iter().map(|id| (id, false)));
         }
         if step.is_multiple_of(HAND_OVER_STEPS) && !self.arrived.is_empty() {
             self.look_back(simulation)?;
-            self.watch_pressure(simulation)?;
         }
         Ok(())
     }
@@ -229,7 +238,9 @@ impl Arrivals {
             (Fate::Keep, _) | (_, None) => Ok(()),
             (Fate::Delete, Some(_)) => {
                 let ids: Vec<ParticleId> = back.iter().map(|(id, _)| *id).collect();
-                ids.iter().for_each(|id| drop(self.arrived.remove(id)));
+                for id in &ids {
+                    self.arrived.remove(id);
+                }
                 simulation.remove_particles(&ids, RemovalCause::Fate);
                 Ok(())
             }
@@ -257,7 +268,6 @@ impl Arrivals {
             tally: self.replayer.tally(),
             replay: self.replay,
             histories: self.histories,
-            watch: self.watch,
             left_upstream: self.left_upstream,
         }
     }
@@ -271,9 +281,44 @@ fn stopped(simulation: &Simulation, stream: &str, what: &str) -> BackendError {
     }
 }
 
-/// Name under which a stream's state stands in a checkpoint.
-fn prefix(name: &str) -> String {
-    format!("replay.{name}.")
+/// A stored stream with the scene's numbers of materials.
+#[derive(Debug)]
+struct StoredStream {
+    reader: StreamReader,
+    materials: Vec<Option<u16>>,
+}
+
+impl CrossingSource for StoredStream {
+    fn chunk_count(&self) -> usize {
+        self.reader.chunk_count()
+    }
+
+    fn chunk(&mut self, index: usize) -> Result<Vec<Crossing>, StorageError> {
+        let mut crossings = self.reader.chunk(index)?;
+        for crossing in &mut crossings {
+            let own = self.materials.get(usize::from(crossing.state.material)).copied().flatten();
+            crossing.state.material = own.ok_or_else(|| {
+                StorageError::unusable(self.reader.place(), "it has particles of a material that the scene lacks")
+            })?;
+        }
+        Ok(crossings)
+    }
+}
+
+fn facts(manifest: &Manifest) -> StreamFacts {
+    let origin = &manifest.origin;
+    let range = manifest.counts.range;
+    StreamFacts {
+        plane: origin.plane,
+        passage: origin.passage,
+        timestep: origin.timestep,
+        every: origin.paths.map(|paths| paths.every),
+        first_passage: range.map_or(0.0, |range| range.first_time),
+        last_passage: range.map_or(0.0, |range| range.last_time),
+        native: origin.backend == NAME && origin.provenance.is_empty(),
+        chunks: manifest.chunks.iter().map(|chunk| (chunk.range.first_step, chunk.range.last_step)).collect(),
+        namespace: origin.feeds.len() as u32,
+    }
 }
 
 const fn prescribed(motion: Motion) -> PrescribedMotion {

@@ -3,7 +3,6 @@
 //! Arrivals come first: a particle released at a step is an ordinary particle of that step when recorders look.
 
 mod arrivals;
-mod columns;
 mod recording;
 
 use super::{Kick, Request};
@@ -13,10 +12,10 @@ use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::scene::gate::Replay;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
-pub use arrivals::ReplayResult;
 use arrivals::Arrivals;
+pub use arrivals::ReplayResult;
 use rand::seq::IndexedRandom;
-use rand::{Rng, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 pub use recording::RecordResult;
 use recording::Recording;
@@ -101,16 +100,17 @@ impl HandOver {
     }
 
     /// Puts the gates' state into a checkpoint.
-    pub fn save(&self, writer: &mut ColumnWriter) {
+    pub fn save(&self, simulation: &Simulation, writer: &mut ColumnWriter) {
+        let step = simulation.steps_done();
         self.recordings.iter().for_each(|recording| recording.save(writer));
-        self.arrivals.iter().for_each(|arrivals| arrivals.save(writer));
+        self.arrivals.iter().for_each(|arrivals| arrivals.save(writer, step));
     }
 
     /// Finishes the streams of a run that came to its end by itself; of another one they stay unfinished.
     pub fn finish(self, simulation: &Simulation, ended: bool) -> Result<GateResults, BackendError> {
         let recorded = self.recordings.into_iter().map(|recording| recording.finish(simulation, ended));
         let recorded = recorded.collect::<Result<_, _>>()?;
-        let replayed = self.arrivals.into_iter().map(|arrivals| arrivals.finish(simulation)).collect();
+        let replayed = self.arrivals.into_iter().map(Arrivals::finish).collect();
         Ok(GateResults { recorded, replayed })
     }
 }

@@ -2,17 +2,17 @@
 
 use crate::backend::BackendError;
 use crate::backend::native::{NAME, NUMERICS_VERSION, Request};
-use crate::dem::view::ParticleView;
 use crate::dem::held_contact::HeldContact;
 use crate::dem::inspect::Partner;
 use crate::dem::law::Compatibility;
 use crate::dem::particles::Path;
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
+use crate::dem::view::ParticleView;
 use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
 use crate::gate::record::{RecordTally, Recorder, RecorderState, Role};
-use crate::gate::stream::format;
 use crate::gate::stream::columns::{columns, from_columns};
+use crate::gate::stream::format;
 use crate::gate::stream::format::{Manifest, Origin, StoredEvent};
 use crate::gate::stream::writer::{Closing, StreamWriter};
 use crate::scene::Scene;
@@ -136,7 +136,7 @@ impl Recording {
             present: event.present,
             time: event.time,
         });
-        let closing = Closing { events: events.collect(), quality: tally.to_json() };
+        let closing = Closing { events: events.collect(), quality: serde_json::to_value(&tally).unwrap_or_default() };
         let manifest = if ended { Some(self.writer.finish(closing)?) } else { None };
         Ok(RecordResult { gate: self.gate, observed: self.observes, tally, manifest })
     }
