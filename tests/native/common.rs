@@ -2,6 +2,7 @@
 
 use tollgate::dem::feed::Feed;
 use tollgate::dem::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
+use tollgate::dem::release::Arrival;
 use tollgate::dem::simulation::{Setup, Simulation};
 use tollgate::dem::timescale::rayleigh_time;
 use tollgate::geometry::motion::{Motion, MotionKind, MotionTerm};
@@ -202,4 +203,16 @@ pub fn open_box(minimum: Vec3, maximum: Vec3, cells: u32) -> TriangleMesh {
         soup.extend((0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle)));
     }
     TriangleMesh::from_soup(&soup)
+}
+
+/// Frees prescribed particles where they are, with the loads they bear and without memory of their contacts.
+pub fn release_as_they_are(simulation: &mut Simulation, ids: &[ParticleId]) {
+    let states: Vec<ParticleState> =
+        simulation.particles().into_iter().filter(|state| ids.contains(&state.id)).collect();
+    let loads: Vec<_> = simulation.views().map(|view| (view.id, view.force, view.torque)).collect();
+    let arrival = |state: &ParticleState| {
+        let (_, force, torque) = loads.iter().copied().find(|(id, ..)| *id == state.id).expect("it is there");
+        Arrival { state: *state, force, torque, contacts: Vec::new() }
+    };
+    simulation.release(&states.iter().map(arrival).collect::<Vec<_>>());
 }

@@ -110,9 +110,9 @@ fn steer(simulation: &mut Simulation) {
     let states = simulation.particles();
     let chosen: Vec<_> = states.iter().step_by(37).map(|state| state.id).collect();
     match simulation.steps_done() {
-        200 => chosen.iter().for_each(|id| assert!(simulation.prescribe(*id, Path::Ballistic))),
-        300 => chosen.iter().skip(5).for_each(|id| assert!(simulation.prescribe(*id, Path::Constant))),
-        420 => chosen.iter().for_each(|id| assert!(simulation.prescribe(*id, Path::Free))),
+        200 => simulation.prescribe(&chosen, Path::Ballistic),
+        300 => simulation.prescribe(&chosen[5..], Path::Constant),
+        420 => release_as_they_are(simulation, &chosen),
         _ => {}
     }
 }

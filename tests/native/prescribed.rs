@@ -24,9 +24,8 @@ fn prescribed_paths_are_exact_and_heed_no_contact() {
         states.push(grain(10 + k, RADIUS, vec3(0.002 + 0.0045 * k as f64, 0.0001, -0.012), Vec3::zeros()));
     }
     let mut simulation = with(setup, &states);
-    assert!(simulation.prescribe(id(0), Path::Constant));
-    assert!(simulation.prescribe(id(1), Path::Ballistic));
-    assert!(!simulation.prescribe(id(99), Path::Constant));
+    simulation.prescribe(&[id(0), id(99)], Path::Constant);
+    simulation.prescribe(&[id(1)], Path::Ballistic);
     let steps = (0.06 / timestep) as u64;
     let mut pushed = 0.0_f64;
     for _ in 0..steps {
@@ -68,7 +67,7 @@ fn a_prescribed_particle_acts_with_its_true_mass() {
     let speed = 1.0;
     let ghost = grain(0, RADIUS, vec3(-2.0 * RADIUS, 0.0, 0.0), vec3(speed, 0.0, 0.0));
     let mut simulation = with(setup, &[ghost, grain(1, RADIUS, Vec3::zeros(), Vec3::zeros())]);
-    simulation.prescribe(id(0), Path::Constant);
+    simulation.prescribe(&[id(0)], Path::Constant);
     run(&mut simulation, 2500);
     let got = simulation.particles()[1].velocity.x;
     // in the frame of the ghost the free one rebounds: v' = v (1 + e), e = exp(-pi c / (2 m w)), w^2 = k/m - (c/2m)^2
@@ -87,7 +86,7 @@ fn a_prescribed_particle_acts_with_its_true_mass() {
     let mut setup = empty(RADIUS, LawSettings { attraction: true, ..LINEAR }, pair(0.4, 0.0, 0.0));
     setup.timestep = timestep;
     let mut simulation = with(setup, &[ghost, grain(1, RADIUS, Vec3::zeros(), Vec3::zeros())]);
-    simulation.prescribe(id(0), Path::Constant);
+    simulation.prescribe(&[id(0)], Path::Constant);
     run(&mut simulation, 20_000);
     let got = simulation.particles()[1].velocity.x;
     // damping c = 2 beta sqrt(m/2 k) acts on a body of mass m: share of critical damping beta / sqrt 2
@@ -112,8 +111,9 @@ fn release_goes_on_as_a_free_particle_and_keeps_the_books() {
         [Path::Constant, Path::Free, Path::Ballistic, Path::Constant, Path::Free].into_iter().enumerate()
     {
         let sum = simulation.energy().sum();
-        for id in &chosen {
-            simulation.prescribe(*id, path);
+        match path {
+            Path::Free => release_as_they_are(&mut simulation, &chosen),
+            _ => simulation.prescribe(&chosen, path),
         }
         let jump = simulation.energy().sum() - sum;
         let scale = simulation.energy().inserted;
@@ -130,10 +130,10 @@ fn release_goes_on_as_a_free_particle_and_keeps_the_books() {
     let thrown = grain(0, RADIUS, Vec3::zeros(), vec3(0.3, 0.2, 1.0));
     let mut free = with(setup.clone(), &[thrown]);
     let mut held = with(setup, &[thrown]);
-    held.prescribe(id(0), Path::Ballistic);
+    held.prescribe(&[id(0)], Path::Ballistic);
     run(&mut free, 400);
     run(&mut held, 200);
-    held.prescribe(id(0), Path::Free);
+    release_as_they_are(&mut held, &[id(0)]);
     run(&mut held, 200);
     assert_eq!(free.particles(), held.particles());
 }
