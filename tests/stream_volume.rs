@@ -39,6 +39,7 @@ fn origin() -> Origin {
         backend_version: String::new(),
         numerics_version: 1,
         timestep: TIMESTEP,
+        contacts: true,
         materials: vec![Material { name: "sinter".to_owned(), density: Some(3300.0), elasticity: None }],
         part_names: vec!["hopper".to_owned()],
         body: Body::Sphere,
@@ -121,7 +122,10 @@ fn a_million_crossings_in_ten_seconds_and_200_mb() {
     assert_eq!(checked.counts.crossings, CROSSINGS);
     let memory = peak_memory();
     let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    eprintln!("{total:.2} s in all, {} MB on disk, peak memory {memory:?} bytes, load {load}", checked.bytes / 1_000_000);
+    eprintln!(
+        "{total:.2} s in all, {} MB on disk, peak memory {memory:?} bytes, load {load}",
+        checked.bytes / 1_000_000
+    );
     assert!(total < TIME_LIMIT, "{total} s");
     assert!(memory.is_none_or(|memory| memory < MEMORY_LIMIT), "{memory:?}");
 }

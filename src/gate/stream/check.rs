@@ -58,7 +58,10 @@ fn fault_of_one(origin: &Origin, crossing: &Crossing) -> Option<String> {
         Some(intervals) => {
             let last = intervals.checked_mul(every).and_then(|steps| steps.checked_add(crossing.path_start));
             (last.is_none_or(|last| last >= crossing.step)).then(|| {
-                format!("its path of {motions} motions from step {} ends after step {}", crossing.path_start, crossing.step)
+                format!(
+                    "its path of {motions} motions from step {} ends after step {}",
+                    crossing.path_start, crossing.step
+                )
             })
         }
         None => None,

@@ -112,7 +112,8 @@ impl StreamReader {
     /// The chunks' counts add up to the stream's.
     fn check_sums(&self) -> Result<(), StorageError> {
         let Manifest { counts, chunks, .. } = &self.manifest;
-        let sum = |value: fn(&ChunkEntry) -> u64| chunks.iter().try_fold(0_u64, |sum, chunk| sum.checked_add(value(chunk)));
+        let sum =
+            |value: fn(&ChunkEntry) -> u64| chunks.iter().try_fold(0_u64, |sum, chunk| sum.checked_add(value(chunk)));
         let sums = [
             ("crossings", sum(|chunk| chunk.crossings), counts.crossings),
             ("contacts", sum(|chunk| chunk.contacts), counts.contacts),

@@ -98,8 +98,11 @@ fn a_resumed_stream_has_the_bytes_of_an_undisturbed_one() {
         if killed_at == THREE_CHUNKS {
             writer.finish(closing()).unwrap();
         } else {
-            fs::write(folder.path().join(format!("killed at {killed_at}.staging/chunk-000007.columns.staging")), b"half")
-                .unwrap();
+            fs::write(
+                folder.path().join(format!("killed at {killed_at}.staging/chunk-000007.columns.staging")),
+                b"half",
+            )
+            .unwrap();
         }
         let mut saved: BTreeMap<String, Column> =
             saved.into_iter().map(|(name, column)| (format!("outlet.{name}"), column)).collect();
@@ -214,9 +217,13 @@ fn whatever_is_touched_is_noticed_and_named() {
                 force.to_mut()[5].x *= 2.0;
             });
         }),
-        ("manifest.json: it was edited", |place| edit_manifest(place, "\"timestep\": 0.00001", "\"timestep\": 0.00002")),
+        ("manifest.json: it was edited", |place| {
+            edit_manifest(place, "\"timestep\": 0.00001", "\"timestep\": 0.00002")
+        }),
         ("manifest.json: it was edited", |place| edit_manifest(place, "\"mass\": ", "\"mass\": 1")),
-        ("it is not the manifest of a tollgate stream", |place| edit_manifest(place, "tollgate stream", "other stream")),
+        ("it is not the manifest of a tollgate stream", |place| {
+            edit_manifest(place, "tollgate stream", "other stream")
+        }),
         ("it cannot be understood", |place| edit_manifest(place, "{", "")),
         ("it has format 2.0 of tollgate", |place| edit_manifest(place, "\"format_major\": 1", "\"format_major\": 2")),
         ("it has no manifest.json", |place| fs::remove_file(place.join("manifest.json")).unwrap()),
