@@ -39,6 +39,7 @@ fn origin() -> Origin {
         backend_version: String::new(),
         numerics_version: 1,
         timestep: TIMESTEP,
+        contacts: true,
         materials: vec![Material { name: "sinter".to_owned(), density: Some(3300.0), elasticity: None }],
         part_names: vec!["hopper".to_owned()],
         body: Body::Sphere,

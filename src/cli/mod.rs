@@ -4,6 +4,7 @@ mod check;
 mod init;
 mod plan;
 mod run;
+mod stream;
 mod verify;
 
 use clap::{Args, Parser, Subcommand};
@@ -31,6 +32,8 @@ enum Verb {
     Plan(plan::Arguments),
     /// Run a scene
     Run(run::Arguments),
+    /// Show, check, export, import or move what was recorded at a gate
+    Stream(stream::Arguments),
     /// Verify the solver against closed forms and published benchmarks
     Verify(verify::Arguments),
 }
@@ -116,6 +119,7 @@ pub fn main() -> ExitCode {
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Plan(arguments) => plan::run(&arguments),
         Verb::Run(arguments) => run::run(&arguments),
+        Verb::Stream(arguments) => stream::run(&arguments),
         Verb::Verify(arguments) => verify::run(&arguments),
     })
 }

@@ -8,6 +8,7 @@ pub mod lammps;
 pub mod progress;
 pub mod pvd;
 pub mod series;
+pub mod stream_export;
 pub mod summary;
 pub mod timing;
 pub mod vtp;

@@ -7,4 +7,5 @@ mod exits;
 mod folders;
 mod restart;
 mod scenes;
+mod stream;
 mod workflow;

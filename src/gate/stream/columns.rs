@@ -20,6 +20,22 @@ pub fn columns(crossings: &[Crossing]) -> Vec<(&'static str, Column<'static>)> {
     all
 }
 
+/// Bytes of one crossing, of one contact, and of one motion of a path.
+#[must_use]
+pub fn row_bytes() -> (u64, u64, u64) {
+    let width = |column: &Column| {
+        let number = match column {
+            Column::F64(_) | Column::Vec3(_) | Column::U64(_) => 8,
+            Column::U32(_) => 4,
+            Column::U16(_) => 2,
+            Column::U8(_) => 1,
+        };
+        number * column.components() as u64
+    };
+    let sum = |columns: Vec<(&str, Column)>| columns.iter().map(|(_, column)| width(column)).sum();
+    (sum(crossing_columns(&[])), sum(contact_columns(&[])), sum(path_columns(&[])))
+}
+
 fn of<T, V>(rows: &[T], value: impl Fn(&T) -> V) -> Column<'static>
 where
     Column<'static>: From<Vec<V>>,

@@ -5,11 +5,14 @@
 //! a stream is whole or absent; [`reader`] trusts nothing it has not checked. Both hold one chunk at a time.
 //! [`survey`] says what a stream contains and what it advises, [`transform`] moves it, [`import`] makes one of a table.
 
+pub mod advice;
 mod check;
 pub mod columns;
 pub mod format;
 mod identities;
 pub mod reader;
+pub mod survey;
+pub mod transform;
 pub mod writer;
 
 #[cfg(test)]

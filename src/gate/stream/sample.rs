@@ -33,6 +33,7 @@ pub fn origin() -> Origin {
         backend_version: "0.1.0".to_owned(),
         numerics_version: 1,
         timestep: TIMESTEP,
+        contacts: true,
         materials: vec![
             Material { name: "sinter".to_owned(), density: Some(3300.0), elasticity: Some(steel) },
             Material { name: "coke".to_owned(), density: Some(1000.0), elasticity: None },
