@@ -160,6 +160,9 @@ fn stage_key(scene: &Scene, plan: &Plan) -> Result<StageKey, RunError> {
         skin: plan.skin.skin,
         models: &models,
         start: start.as_deref(),
+        records: &[],
+        replays: &[],
+        streams: &[],
     };
     Ok(StageKey::new(scene, &choices))
 }

@@ -1,6 +1,8 @@
 //! The key of a stage: a hash of all that influences its result, and of what was asked to be written.
 
+use super::split::Recording;
 use crate::scene::Scene;
+use crate::scene::gate::{BackingUp, Clock, Fate, PathMode, Replay, Timing, Transform};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -30,10 +32,59 @@ pub struct Choices<'a> {
     pub models: &'a [&'a str],
     /// Digest of the checkpoint that is started from, hexadecimal.
     pub start: Option<&'a str>,
+    /// Gates that are recorded. Those of a whole run are only observed: they belong to what is written.
+    #[serde(skip_serializing_if = "<[Recording]>::is_empty")]
+    pub records: &'a [Recording],
+    /// How streams are replayed.
+    #[serde(skip_serializing_if = "<[ReplayChoice]>::is_empty")]
+    pub replays: &'a [ReplayChoice],
+    /// Digests of the streams that are replayed, in the order of the replays, hexadecimal.
+    #[serde(skip_serializing_if = "<[&str]>::is_empty")]
+    pub streams: &'a [&'a str],
+}
+
+/// How a stream is replayed; which one it is its digest says, wherever it comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ReplayChoice {
+    path: PathMode,
+    length: f64,
+    clock: Clock,
+    timing: Timing,
+    window: [f64; 2],
+    loops: u64,
+    /// Only where there are several loops.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gap: Option<f64>,
+    transform: Transform,
+    leaving: Fate,
+    backing_up: BackingUp,
+    /// Only of compliant ghosts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compliance: Option<f64>,
+}
+
+impl From<&Replay> for ReplayChoice {
+    fn from(replay: &Replay) -> Self {
+        Self {
+            path: replay.path,
+            length: replay.length,
+            clock: replay.clock,
+            timing: replay.timing,
+            window: replay.window,
+            loops: replay.loops,
+            gap: (replay.loops > 1).then_some(replay.gap),
+            transform: replay.transform,
+            leaving: replay.leaving,
+            backing_up: replay.backing_up,
+            compliance: (replay.path == PathMode::Compliant).then_some(replay.compliance),
+        }
+    }
 }
 
 /// Keys of the scene that say what is written or how it is called, and change no result.
 const OUTPUT_KEYS: [&str; 2] = ["output", "measures"];
+/// Keys of the scene that say how it is split; what a stage has of them is among the choices.
+const SPLIT_KEYS: [&str; 2] = ["gates", "stages"];
 
 impl StageKey {
     /// The key of a scene under these choices. Comments, the scene's name, paths and the number of threads are not in it; the
@@ -47,16 +98,28 @@ impl StageKey {
         content.remove("name");
         // A path; what it leads to is among the choices.
         content.remove("start_checkpoint");
-        let outputs: Map<String, Value> =
+        SPLIT_KEYS.iter().for_each(|key| drop(content.remove(*key)));
+        let mut outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
-        content.insert("choices".to_owned(), Value::Object(to_map(choices)));
+        // A gate that is only observed changes nothing but what is written.
+        let (observed, records): (Vec<Recording>, Vec<Recording>) =
+            choices.records.iter().cloned().partition(|recording| recording.observes);
+        if !observed.is_empty() {
+            outputs.insert("observes".to_owned(), to_value(&observed));
+        }
+        let choices = Choices { records: &records, ..*choices };
+        content.insert("choices".to_owned(), Value::Object(to_map(&choices)));
         let content = Value::Object(content);
         Self { key: digest(&content), outputs_key: digest(&Value::Object(outputs)), content }
     }
 }
 
+fn to_value(value: &impl Serialize) -> Value {
+    serde_json::to_value(value).expect("plain numbers and names become JSON")
+}
+
 fn to_map(value: &impl Serialize) -> Map<String, Value> {
-    match serde_json::to_value(value).expect("plain numbers and names become JSON") {
+    match to_value(value) {
         Value::Object(map) => map,
         other => Map::from_iter([("value".to_owned(), other)]),
     }
@@ -107,7 +170,92 @@ fn short(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::gate::StreamSource;
+    use crate::stage::split::{StageJob, stage_jobs, whole_jobs};
     use serde_json::json;
+
+    const GATES: &str = include_str!("../../tests/scenes/good/gates.toml");
+
+    fn scene(settings: &[(&str, &str)]) -> Scene {
+        let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        let base = std::path::Path::new("tests/scenes/good");
+        crate::scene::read_text(GATES, "gates.toml", base, &settings).expect("a valid scene").0
+    }
+
+    fn key_of(job: &StageJob, streams: &[&str]) -> StageKey {
+        let replays: Vec<ReplayChoice> = job.replays.iter().map(ReplayChoice::from).collect();
+        let choices = Choices {
+            backend: "native",
+            numerics_version: 1,
+            timestep: 1e-6,
+            skin: 1e-3,
+            models: &[],
+            start: None,
+            records: &job.records,
+            replays: &replays,
+            streams,
+        };
+        StageKey::new(&job.scene, &choices)
+    }
+
+    fn stage(name: &str, settings: &[(&str, &str)]) -> StageKey {
+        let scene = scene(settings);
+        let job = stage_jobs(&scene).into_iter().find(|job| job.name == name).expect("a stage");
+        key_of(&job, &vec!["0123"; job.replays.len()])
+    }
+
+    #[test]
+    fn a_stage_changes_its_key_with_what_influences_it_alone() {
+        let (hopper, plate, chute) = (stage("hopper", &[]), stage("plate", &[]), stage("chute", &[]));
+        let moved = [("part.plate.min_mm", "[-360, -50, 440]")];
+        assert_eq!(stage("hopper", &moved).key, hopper.key);
+        assert_eq!(stage("chute", &moved).key, chute.key);
+        assert_ne!(stage("plate", &moved).key, plate.key);
+        let finer = [("gate.outlet.paths.every", "1")];
+        assert_ne!(stage("hopper", &finer).key, hopper.key);
+        assert_eq!(stage("plate", &finer).key, plate.key, "what is finer is in the stream's digest");
+        for change in
+            [("path", "\"recorded\""), ("length_mm", "8"), ("from", "0.3 s"), ("loops", "2"), ("gap", "0.2 s")]
+        {
+            let path = format!("stage.plate.replay.outlet.{}", change.0);
+            assert_ne!(stage("plate", &[(&path, change.1)]).key, plate.key, "{path}");
+        }
+        let other_name = [("title", "another")];
+        assert_eq!(stage("plate", &other_name).key, plate.key);
+    }
+
+    #[test]
+    fn a_stream_counts_by_its_digest_not_by_its_folder() {
+        let scene = scene(&[]);
+        let mut job = stage_jobs(&scene).swap_remove(3);
+        let key = key_of(&job, &["aa", "bb"]);
+        job.replays[1].source = StreamSource::Folder("elsewhere".into());
+        assert_eq!(key_of(&job, &["aa", "bb"]).key, key.key);
+        assert_ne!(key_of(&job, &["aa", "bc"]).key, key.key);
+    }
+
+    #[test]
+    fn an_observed_gate_is_an_output() {
+        let mut job = whole_jobs(&scene(&[])).swap_remove(0);
+        let key = key_of(&job, &[]);
+        job.records[0].gate.exclusion.length *= 2.0;
+        let other = key_of(&job, &[]);
+        assert_eq!(other.key, key.key);
+        assert_ne!(other.outputs_key, key.outputs_key);
+        job.records[0].observes = false;
+        assert_ne!(key_of(&job, &[]).key, key.key);
+    }
+
+    #[test]
+    fn a_scene_without_gates_has_nothing_of_them_in_its_key() {
+        let mut job = whole_jobs(&scene(&[])).swap_remove(0);
+        job.records.clear();
+        let key = key_of(&job, &[]);
+        let text = key.content.to_string();
+        for word in ["gates", "stages", "records", "replays", "streams"] {
+            assert!(!text.contains(&format!("\"{word}\"")), "{word}");
+        }
+    }
 
     #[test]
     fn differences_name_the_place_and_both_values() {
