@@ -38,8 +38,6 @@ pub(in crate::scene) struct Stages {
     pub stages: Vec<Located<StageOutline>>,
     /// True where all of them and all their references resolved.
     pub whole: bool,
-    /// True where the scene names none, and the gates imply them.
-    pub implied: bool,
 }
 
 /// Reads the stages.
@@ -50,7 +48,7 @@ pub(super) fn stages(reader: &Reader<'_>, context: &Context<'_>, known: &Known<'
     if tables.is_empty() {
         let implied = !reader.has("stage");
         let stages = if implied { series(known) } else { Vec::new() };
-        return Stages { stages, whole: gates_whole && implied, implied };
+        return Stages { stages, whole: gates_whole && implied };
     }
     let count = tables.len();
     let mut whole = gates_whole;
@@ -67,7 +65,7 @@ pub(super) fn stages(reader: &Reader<'_>, context: &Context<'_>, known: &Known<'
         stages.extend(outline.map(|item| Located { path, item }));
     }
     whole &= stages.len() == count;
-    Stages { stages, whole, implied: false }
+    Stages { stages, whole }
 }
 
 /// The series of stages between the gates in the file's order.

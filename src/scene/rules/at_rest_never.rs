@@ -33,7 +33,8 @@ fn reason(subject: &Subject<'_>, rest: &AtRest, end: f64) -> Option<String> {
         let earliest = round(rest.not_before + rest.hold);
         return Some(format!("`not_before` and `hold` last until {earliest} s, the run until {} s", round(end)));
     }
-    if subject.draft.feeds.is_empty() && subject.draft.start_checkpoint.is_none() && !subject.report.was_given("feed") {
+    let has_other = subject.draft.start_checkpoint.is_some() || subject.has_stored_stream();
+    if subject.draft.feeds.is_empty() && !has_other && !subject.report.was_given("feed") {
         return Some("there are no particles".to_owned());
     }
     subject.draft.feeds.iter().find_map(|feed| {

@@ -1,4 +1,4 @@
-//! `duplicate-name` (error): feeds, parts and measures go by their names in results and overrides.
+//! `duplicate-name` (error): feeds, parts, gates, stages and measures go by their names in results and overrides.
 
 use super::Subject;
 

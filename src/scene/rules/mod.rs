@@ -2,6 +2,7 @@
 
 mod at_rest_never;
 mod characteristic_velocity;
+mod checkpoint_stages;
 mod density_missing;
 mod domain_empty;
 mod duplicate_name;
@@ -9,33 +10,52 @@ mod elasticity_missing;
 mod feed_crowded;
 mod feed_in_geometry;
 mod feed_outside_domain;
+mod feed_stages;
 mod feed_too_small;
 mod feed_window;
 mod gap_too_narrow;
+mod gate_aperture;
+mod gate_gravity;
+mod gate_outside_domain;
+mod gate_periodic;
+mod gate_recorder;
+mod gate_unused;
+mod ghost_zone;
 mod interval_below_timestep;
 mod measure_outside_domain;
+mod measure_upstream;
 mod no_feed;
 mod overlap;
 mod pair_missing;
 mod pair_twice;
+mod path_storage;
 mod periodic_extent;
 mod periodic_part;
 mod plane_problem;
 mod region_surface;
+mod replay_loops;
+mod replay_window;
 mod rigid_pair;
 mod sieve;
 mod size_cut;
 mod size_order;
+mod stage_cycle;
+mod stage_empty;
+mod stage_missing;
 mod stiffness_law;
 mod stl_surface;
 mod stl_too_large;
 mod stream_standing;
+mod stream_turned;
 mod trigger_order;
 mod unused;
+mod zone_length;
 
 use super::Domain;
 use super::diagnostics::Report;
 use super::extent;
+use super::gate::StreamSource;
+use super::layout::Layout;
 use super::reader::join;
 use super::resolve::{Draft, Located, PartDraft};
 use crate::dem::feed::{Feed, FeedKind};
@@ -51,6 +71,8 @@ pub(super) struct Subject<'a> {
     pub domain: Domain,
     /// Largest diameter of any particle [m]; 0 where none is known.
     pub largest: f64,
+    /// Stages and gates, with what lies around them.
+    pub layout: Layout<'a>,
     /// For each part, what an inspection of its STL mesh says.
     pub inspections: Vec<Option<MeshReport>>,
     /// Where findings go.
@@ -62,33 +84,51 @@ type Rule = fn(&Subject<'_>);
 const RULES: &[Rule] = &[
     at_rest_never::check,
     characteristic_velocity::check,
+    checkpoint_stages::check,
     density_missing::check,
     domain_empty::check,
     duplicate_name::check,
     elasticity_missing::check,
     feed_in_geometry::check,
     feed_outside_domain::check,
+    feed_stages::check,
     feed_too_small::check,
     feed_window::check,
     gap_too_narrow::check,
+    gate_aperture::check,
+    gate_gravity::check,
+    gate_outside_domain::check,
+    gate_periodic::check,
+    gate_recorder::check,
+    gate_unused::check,
+    ghost_zone::check,
     interval_below_timestep::check,
     measure_outside_domain::check,
+    measure_upstream::check,
     no_feed::check,
     pair_missing::check,
     pair_twice::check,
+    path_storage::check,
     periodic_extent::check,
     periodic_part::check,
     plane_problem::check,
     region_surface::check,
+    replay_loops::check,
+    replay_window::check,
     rigid_pair::check,
     sieve::check,
     size_cut::check,
     size_order::check,
+    stage_cycle::check,
+    stage_empty::check,
+    stage_missing::check,
     stiffness_law::check,
     stl_surface::check,
     stl_too_large::check,
     stream_standing::check,
+    stream_turned::check,
     trigger_order::check,
+    zone_length::check,
     // These two are last: they need a scene without errors.
     unused::check,
     feed_crowded::check,
@@ -104,14 +144,34 @@ pub(super) fn check(draft: &Draft, domain: Domain, report: &Report) {
             _ => None,
         })
         .collect();
-    let subject =
-        Subject { draft, domain, largest: extent::largest_diameter(&draft.classes, &draft.feeds), inspections, report };
+    let largest = extent::largest_diameter(&draft.classes, &draft.feeds);
+    let subject = Subject { draft, domain, largest, layout: layout(draft, largest), inspections, report };
     for rule in RULES {
         rule(&subject);
     }
 }
 
+/// Who belongs where, as far as the scene has been resolved.
+fn layout(draft: &Draft, largest: f64) -> Layout<'_> {
+    let stages = &draft.stages.stages;
+    let ends = stages.iter().filter_map(|stage| stage.item.end).chain(draft.end).map(|end| end.time);
+    Layout {
+        gates: draft.gates.iter().map(|gate| &gate.item).collect(),
+        stages: stages.iter().map(|stage| &stage.item).collect(),
+        parts: draft.parts.iter().map(|part| &part.item.part).collect(),
+        feeds: draft.feeds.iter().map(|feed| &feed.item).collect(),
+        largest,
+        end: ends.fold(0.0, f64::max),
+    }
+}
+
 impl Subject<'_> {
+    /// True where a stored stream brings particles.
+    fn has_stored_stream(&self) -> bool {
+        let mut replays = self.draft.stages.stages.iter().flat_map(|stage| &stage.item.replays);
+        replays.any(|replay| matches!(replay.source, StreamSource::Folder(_)))
+    }
+
     /// The class that a feed draws from.
     fn class(&self, index: usize) -> Option<&ParticleClass> {
         self.draft.classes.get(index)?.item.as_ref()

@@ -1,9 +1,10 @@
-//! `no-feed` (warning): a scene without feeds and without a start checkpoint has no particles.
+//! `no-feed` (warning): a scene without feeds, without a start checkpoint and without a stored stream has no particles.
 
 use super::Subject;
 
 pub(super) fn check(subject: &Subject<'_>) {
-    if !subject.report.was_given("feed") && subject.draft.start_checkpoint.is_none() {
+    let has_other = subject.draft.start_checkpoint.is_some() || subject.has_stored_stream();
+    if !subject.report.was_given("feed") && !has_other {
         subject.warning(
             "no-feed",
             "",

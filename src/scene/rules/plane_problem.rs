@@ -31,6 +31,24 @@ pub(super) fn check(subject: &Subject<'_>) {
     }
     feeds(subject);
     motions(subject);
+    gates(subject);
+}
+
+/// A gate stands across the plane y = 0, and a stream stays in it.
+fn gates(subject: &Subject<'_>) {
+    for gate in subject.draft.gates.iter().filter(|gate| gate.item.plane.normal.y.abs() > 1e-9) {
+        report(subject, &join(&gate.path, "normal"), "particles cannot pass: the normal leaves the plane y = 0");
+    }
+    for stage in subject.draft.stages.stages.iter().filter(|_| subject.draft.stages.whole) {
+        for (index, replay) in stage.item.replays.iter().enumerate() {
+            let moved = replay.transform;
+            let turns = (moved.direction(Vec3::x()).y.abs() + moved.direction(Vec3::z()).y.abs()) > 1e-9;
+            if turns || moved.point(Vec3::zeros()).y.abs() > 1e-9 {
+                let path = join(&stage.path, &format!("replay.{index}"));
+                report(subject, &path, "the stream is moved out of the plane y = 0");
+            }
+        }
+    }
 }
 
 fn feeds(subject: &Subject<'_>) {

@@ -8,8 +8,8 @@ use crate::dem::feed::FeedKind;
 
 pub(super) fn check(subject: &Subject<'_>) {
     let draft = subject.draft;
-    if subject.report.has_errors() || draft.start_checkpoint.is_some() {
-        // What is broken may use it, and a checkpoint brings particles of its own.
+    if subject.report.has_errors() || draft.start_checkpoint.is_some() || subject.has_stored_stream() {
+        // What is broken may use it, and a checkpoint or a stored stream brings particles of its own.
         return;
     }
     for (index, class) in draft.classes.iter().enumerate() {
