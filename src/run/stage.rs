@@ -120,6 +120,10 @@ fn compute(
     };
     reset_peak_memory();
     let mut warned = order.warnings.clone();
+    for input in inputs {
+        let accepted = |misfit: &String| format!("stream '{}' was accepted although {misfit}", input.name);
+        warned.extend(input.misfits.iter().map(accepted));
+    }
     let result = match native::run(&job.scene, setup, &stage) {
         Ok(result) => result,
         Err(error) => {

@@ -216,6 +216,7 @@ mod tests {
             records: &job.records,
             replays: &replays,
             streams,
+            kick: None,
         };
         StageKey::new(&job.scene, &choices)
     }

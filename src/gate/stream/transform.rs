@@ -4,12 +4,10 @@ use super::format::{Manifest, Origin, vector};
 use super::reader::StreamReader;
 use super::writer::{Closing, StreamWriter};
 use crate::gate::crossing::{Crossing, Motion, Passage, StoredContact};
-use crate::geometry::plane::{Aperture, GatePlane};
-use crate::math::{Rotation, Vec3, vec3};
+use crate::math::{Vec3, vec3};
 use crate::particle::{Body, ParticleState};
 use crate::scene::gate::Transform;
 use crate::storage::StorageError;
-use nalgebra::Unit;
 use std::path::Path;
 
 /// A transform, ready to be applied to many crossings: x' = R M (x) + t, with the mirror M and the rotation R.
@@ -18,19 +16,14 @@ use std::path::Path;
 /// axial ones, w' = det(M) R M w: a mirror turns the sense of rotation of what spins about a line in it.
 #[derive(Debug, Clone, Copy)]
 pub struct Placement {
-    mirror: Option<(Vec3, Vec3)>,
-    rotation: Option<(Rotation, Vec3)>,
-    translation: Vec3,
+    transform: Transform,
     identity: bool,
 }
 
 impl From<&Transform> for Placement {
     fn from(transform: &Transform) -> Self {
-        let rotation = transform
-            .rotation
-            .map(|(axis, angle, point)| (Rotation::from_axis_angle(&Unit::new_normalize(axis), angle), point));
         let mirror = transform.mirror.map(|(point, normal)| (point, normal.normalize()));
-        Self { mirror, rotation, translation: transform.translation, identity: transform.is_identity() }
+        Self { transform: Transform { mirror, ..*transform }, identity: transform.is_identity() }
     }
 }
 
@@ -38,26 +31,20 @@ impl Placement {
     /// A point [m].
     #[must_use]
     pub fn point(&self, point: &Vec3) -> Vec3 {
-        if self.identity {
-            return *point;
-        }
-        let mirrored = self.mirror.map_or(*point, |(p, n)| point - n * (2.0 * n.dot(&(point - p))));
-        let rotated = self.rotation.map_or(mirrored, |(rotation, centre)| centre + rotation * (mirrored - centre));
-        rotated + self.translation
+        if self.identity { *point } else { self.transform.point(*point) }
     }
 
     /// A polar vector: a velocity, an acceleration, a force, a displacement [any unit].
     #[must_use]
     pub fn polar(&self, vector: &Vec3) -> Vec3 {
-        let mirrored = self.mirror.map_or(*vector, |(_, n)| vector - n * (2.0 * n.dot(vector)));
-        self.rotation.map_or(mirrored, |(rotation, _)| rotation * mirrored)
+        if self.identity { *vector } else { self.transform.direction(*vector) }
     }
 
     /// An axial vector: a spin, a torque [any unit].
     #[must_use]
     pub fn axial(&self, vector: &Vec3) -> Vec3 {
         let polar = self.polar(vector);
-        if self.mirror.is_some() { -polar } else { polar }
+        if self.transform.mirror.is_some() { -polar } else { polar }
     }
 
     /// A motion of a path.
@@ -121,18 +108,6 @@ impl Placement {
         }
     }
 
-    /// A gate plane with its opening.
-    #[must_use]
-    pub fn plane(&self, plane: &GatePlane) -> GatePlane {
-        let aperture = match plane.aperture {
-            Aperture::Rectangle { side_a, side_b } => {
-                Aperture::Rectangle { side_a: self.polar(&side_a), side_b: self.polar(&side_b) }
-            }
-            same @ (Aperture::Unbounded | Aperture::Disc { .. }) => same,
-        };
-        GatePlane { point: self.point(&plane.point), normal: self.polar(&plane.normal), aperture }
-    }
-
     /// Why particles of this kind cannot be moved so, if they cannot.
     #[must_use]
     pub fn unfit_for(&self, body: Body) -> Option<&'static str> {
@@ -156,7 +131,7 @@ const PARALLEL: f64 = 1e-12;
 pub fn moved_origin(origin: &Origin, transform: &Transform) -> Origin {
     let placement = Placement::from(transform);
     Origin {
-        plane: placement.plane(&origin.plane),
+        plane: placement.transform.plane(&origin.plane),
         gravity: if transform.is_identity() { origin.gravity } else { placement.polar(&origin.gravity) },
         provenance: origin.provenance.iter().cloned().chain([words(transform)]).collect(),
         ..origin.clone()
@@ -268,7 +243,7 @@ mod tests {
         assert_relative_eq!(power(&after).0, power(&before).0, max_relative = ROUNDING);
         assert_relative_eq!(power(&after).1, power(&before).1, max_relative = ROUNDING);
         let plane = sample::origin().plane;
-        let moved = placement.plane(&plane);
+        let moved = placement.transform.plane(&plane);
         for (old, new) in before.path.iter().zip(&after.path) {
             assert_relative_eq!(moved.distance(&new.position), plane.distance(&old.position), epsilon = 4.0 * ROUNDING);
             assert_relative_eq!(new.spin_acceleration, placement.axial(&old.spin_acceleration));

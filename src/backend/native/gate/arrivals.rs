@@ -16,6 +16,7 @@ use crate::gate::crossing::{ContactPartner, Crossing, Motion, StoredContact};
 use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
 use crate::gate::stream::format::{Counts, Manifest};
 use crate::gate::stream::reader::StreamReader;
+use crate::gate::stream::transform::Placement;
 use crate::geometry::plane::GatePlane;
 use crate::math::Vec3;
 use crate::particle::ParticleId;
@@ -91,7 +92,9 @@ impl Arrivals {
             feed_offset: order.feed_offset,
             largest_diameter: scene.largest_diameter(),
             start_step: 0,
-            transform: |_, crossing| crossing,
+            transform: |transform, crossing| {
+                if transform.is_identity() { crossing } else { Placement::from(transform).crossing(&crossing) }
+            },
         };
         let materials = manifest.material_numbers(&scene.materials);
         let source = StoredStream { reader, materials };

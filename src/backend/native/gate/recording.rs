@@ -183,6 +183,7 @@ fn origin(scene: &Scene, order: &split::Recording, request: &Request, simulation
         numerics_version: NUMERICS_VERSION,
         timestep: simulation.setup().timestep,
         materials: scene.materials.materials.clone(),
+        contacts: true,
         part_names: scene.parts.iter().map(|part| part.name.clone()).collect(),
         body: scene.body,
         feeds: feed_names(scene, request),
