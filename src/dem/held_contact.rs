@@ -60,7 +60,7 @@ impl HeldContact {
 
 impl Simulation {
     /// Contacts of the particles `ids`, each seen from that particle, sorted by partner; in the order of `ids`. Unknown
-    /// identities are left out. A prescribed particle has contacts with free particles only.
+    /// identities are left out. A prescribed particle has contacts with free particles only: ask before it is frozen.
     #[must_use]
     pub fn contacts_of(&self, ids: &[ParticleId]) -> Vec<(ParticleId, Vec<HeldContact>)> {
         let found = self.indices_of(ids);

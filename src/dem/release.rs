@@ -58,14 +58,16 @@ impl Simulation {
         if arrivals.is_empty() {
             return ReleaseCount::default();
         }
-        // Else the loads at the start would be computed over what is set here.
-        self.prepare();
+        if !self.loads_known {
+            // Else the loads at the start would be computed over what is set here.
+            self.prepare();
+        }
         self.bring_absent(arrivals);
         let ids: Vec<ParticleId> = arrivals.iter().map(|arrival| arrival.state.id).collect();
         let here = self.indices_of(&ids);
         let motion = |arrival: &Arrival| {
             let index = here.get(arrival.state.id)?;
-            self.particles.velocities[index].path.is_prescribed().then(|| (index, resting(&arrival.state)))
+            self.particles.velocities[index].path.is_prescribed().then(|| (index, motion_of(&arrival.state)))
         };
         let motions: Vec<_> = arrivals.iter().filter_map(motion).collect();
         self.place(&motions);
@@ -79,7 +81,7 @@ impl Simulation {
         let ids: Vec<ParticleId> = arrivals.iter().map(|arrival| arrival.state.id).collect();
         let here = self.indices_of(&ids);
         let absent = arrivals.iter().filter(|arrival| here.get(arrival.state.id).is_none());
-        let ghosts: Vec<_> = absent.map(|arrival| (arrival.state, Path::Recorded, resting(&arrival.state))).collect();
+        let ghosts: Vec<_> = absent.map(|arrival| (arrival.state, Path::Recorded, motion_of(&arrival.state))).collect();
         self.insert_prescribed(&ghosts);
     }
 
@@ -119,29 +121,48 @@ impl Simulation {
         here: &Indices,
         count: &mut ReleaseCount,
     ) {
-        let mut points = self.points_on_parts(index);
         for (partner, memory) in contacts {
-            match partner {
-                Partner::Particle(id) => match here.get(*id) {
+            if let Partner::Particle(id) = partner {
+                match here.get(*id) {
                     Some(other) if !self.particles.velocities[other].path.is_prescribed() => count.kept_by_solver += 1,
                     Some(other) if self.neighborhood.remember(index, other, memory) => count.restored += 1,
                     _ => count.without_partner += 1,
-                },
-                Partner::Part { part, element } => match take_point(&mut points, *part, *element) {
-                    Some(point) => {
-                        self.neighborhood.remember_part(WallContact {
-                            particle: index as u32,
-                            part: *part,
-                            element: point.element,
-                            normal: point.normal,
-                            memory: *memory,
-                        });
-                        count.with_parts += 1;
-                    }
-                    None => count.without_partner += 1,
-                },
+                }
             }
         }
+        self.restore_contacts_with_parts(index, contacts, count);
+    }
+
+    /// Contacts with parts go on at the points where the particle touches these parts now: on the same triangle, and what is left
+    /// at any point left of the same part, which may be meshed otherwise where the record was made.
+    fn restore_contacts_with_parts(&mut self, index: usize, contacts: &[(Partner, Memory)], count: &mut ReleaseCount) {
+        let of_part = |(partner, memory): &(Partner, Memory)| match partner {
+            Partner::Part { part, element } => Some((*part, *element, *memory)),
+            Partner::Particle(_) => None,
+        };
+        let mut left: Vec<(u16, u32, Memory)> = contacts.iter().filter_map(of_part).collect();
+        if left.is_empty() {
+            return;
+        }
+        let mut points = self.points_on_parts(index);
+        for same_triangle in [true, false] {
+            left.retain(|(part, element, memory)| {
+                let continues =
+                    |point: &WallPoint| point.part == *part && (!same_triangle || point.element == *element);
+                let Some(found) = points.iter().position(continues) else { return true };
+                let point = points.remove(found);
+                self.neighborhood.remember_part(WallContact {
+                    particle: index as u32,
+                    part: *part,
+                    element: point.element,
+                    normal: point.normal,
+                    memory: *memory,
+                });
+                count.with_parts += 1;
+                false
+            });
+        }
+        count.without_partner += left.len() as u64;
     }
 
     /// Where particle `index` touches parts.
@@ -154,8 +175,8 @@ impl Simulation {
     }
 }
 
-/// The state as a motion; the acceleration is found once the particle is free.
-const fn resting(state: &ParticleState) -> PrescribedMotion {
+/// The state as a motion; the acceleration follows once the particle is free.
+const fn motion_of(state: &ParticleState) -> PrescribedMotion {
     PrescribedMotion {
         position: state.position,
         velocity: state.velocity,
@@ -163,12 +184,4 @@ const fn resting(state: &ParticleState) -> PrescribedMotion {
         acceleration: Vec3::new(0.0, 0.0, 0.0),
         spin_acceleration: Vec3::new(0.0, 0.0, 0.0),
     }
-}
-
-/// Takes the point of a part that a stored contact continues: on the same triangle, else the first one left of that part, as a
-/// part may be meshed otherwise where the record was made.
-fn take_point(points: &mut Vec<WallPoint>, part: u16, element: u32) -> Option<WallPoint> {
-    let same = points.iter().position(|point| point.part == part && point.element == element);
-    let found = same.or_else(|| points.iter().position(|point| point.part == part))?;
-    Some(points.remove(found))
 }

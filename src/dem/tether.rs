@@ -81,6 +81,10 @@ impl Simulation {
     /// Binds particles on recorded paths to these paths by tethers: from now on they are free particles that meet parts and
     /// other prescribed particles too. Others are left as they are. [`Simulation::steer`] moves the paths on.
     pub fn tether(&mut self, ids: &[ParticleId], law: TetherLaw) {
+        if !self.loads_known {
+            // Else the loads at the start would take the place of the path's acceleration.
+            self.prepare();
+        }
         let found = self.indices_of(ids);
         let is_recorded = |index: &usize| self.particles.velocities[*index].path == Path::Recorded;
         let indices: Vec<usize> = found.all().filter(is_recorded).collect();

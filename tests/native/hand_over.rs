@@ -4,7 +4,7 @@ use crate::common::*;
 use std::collections::{HashMap, HashSet};
 use tollgate::dem::ghost::PrescribedMotion;
 use tollgate::dem::inspect::Partner;
-use tollgate::dem::law::{LawSettings, RollingLaw};
+use tollgate::dem::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
 use tollgate::dem::momentum::MomentumBudget;
 use tollgate::dem::particles::Path;
 use tollgate::dem::release::{Arrival, ReleaseCount};
@@ -27,9 +27,11 @@ const ZONE: f64 = GATE + 5.0 * RADIUS;
 /// New ghosts come at multiples of so many steps.
 const ROUND: u64 = 16;
 
+/// Every term of the default laws.
+const LAW: LawSettings = LawSettings { rolling: RollingLaw::Epsd2, ..HERTZ };
+
 /// A box whose floor has a hole, and a plate under it on which a heap grows.
-fn hopper(share: f64) -> Setup {
-    let law = LawSettings { rolling: RollingLaw::Epsd2, ..HERTZ };
+fn hopper(share: f64, law: LawSettings) -> Setup {
     let mut setup = empty(RADIUS, law, pair(0.4, 0.5, 0.1));
     setup.gravity = gravity();
     setup.timestep = rayleigh_share(share, RADIUS);
@@ -137,13 +139,15 @@ impl Whole {
 struct Manner {
     /// Time step as a share of the Rayleigh time.
     share: f64,
+    /// Contact laws.
+    law: LawSettings,
     /// Whether arrivals bring the memory of their contacts.
     with_memory: bool,
     /// Law that binds ghosts to their paths from one and a half radii before the gate on.
     tether: Option<TetherLaw>,
 }
 
-const EXACT: Manner = Manner { share: 0.1, with_memory: true, tether: None };
+const EXACT: Manner = Manner { share: 0.1, law: LAW, with_memory: true, tether: None };
 
 /// Carries out at the lower part what has happened in the whole, after the same step.
 fn observe(lower: &mut Simulation, whole: &Whole, manner: Manner) -> ReleaseCount {
@@ -198,7 +202,7 @@ struct Course {
 
 /// Runs until `steps` steps after the first passage; `look` sees lower part and whole, and how many steps it is since.
 fn course(steps: u64, manner: Manner, mut look: impl FnMut(&Simulation, &Whole, u64)) -> Course {
-    let setup = hopper(manner.share);
+    let setup = hopper(manner.share, manner.law);
     let mut course = Course {
         exact_ghost_contacts: 0,
         exact_steps: 0,
@@ -251,10 +255,23 @@ fn the_lower_part_goes_on_as_the_whole_does() {
 }
 
 #[test]
+fn every_law_is_handed_over_to_the_last_bit() {
+    let linear = LawSettings { normal: NormalLaw::Linear, tangential: TangentialLaw::Total, ..LAW };
+    let rival = LawSettings { compatibility: Compatibility::Liggghts, ..LAW };
+    let plain = LawSettings { rolling: RollingLaw::None, ..LAW };
+    for law in [linear, rival, plain] {
+        let course = course(500, Manner { law, ..EXACT }, |_, _, _| {});
+        assert!(course.exact_steps > 200 && course.exact_ghost_contacts > 50, "{law:?}: {}", course.exact_steps);
+        assert!(course.count.restored + course.count.with_parts > 0, "{law:?}: {:?}", course.count);
+        assert!(course.deviations.iter().all(|deviation| *deviation < 1e-12 * RADIUS), "{:?}", course.deviations);
+    }
+}
+
+#[test]
 fn nobody_upstream_is_moved_by_ghosts_or_contacts_with_them() {
     // every ghost has the bits of the whole, at every step and before it is steered
-    let mut lower = Simulation::new(hopper(0.1));
-    let mut whole = Whole::new(hopper(0.1));
+    let mut lower = Simulation::new(hopper(0.1, LAW));
+    let mut whole = Whole::new(hopper(0.1, LAW));
     let (mut compared, mut seen) = (0, HashSet::new());
     for _ in 0..1500 {
         whole.step();
@@ -318,8 +335,8 @@ fn the_energy_of_the_free_is_accounted_for() {
 #[test]
 fn a_hand_over_continues_from_its_record_bit_for_bit() {
     let manner = Manner { tether: Some(law()), ..EXACT };
-    let mut whole = Whole::new(hopper(0.1));
-    let mut lower = Simulation::new(hopper(0.1));
+    let mut whole = Whole::new(hopper(0.1, LAW));
+    let mut lower = Simulation::new(hopper(0.1, LAW));
     let mut copies: Vec<Simulation> = Vec::new();
     let mut kinds = HashSet::new();
     for step in 1..=1400_u64 {
@@ -334,7 +351,7 @@ fn a_hand_over_continues_from_its_record_bit_for_bit() {
         if [800, 1013].contains(&step) {
             let record = lower.record();
             kinds.extend(lower.views().map(|view| view.path as u32));
-            let copy = Simulation::resume(Setup { threads: 2, ..hopper(0.1) }, &record).expect("the same setup");
+            let copy = Simulation::resume(Setup { threads: 2, ..hopper(0.1, LAW) }, &record).expect("the same setup");
             assert!(copy.record() == record, "a record of the record");
             copies.push(copy);
         }

@@ -138,22 +138,22 @@ fn a_bed_copied_particle_by_particle_goes_on() {
 
     run(&mut original, 1);
     run(&mut copy, 1);
-    let mut contacts: HashMap<ParticleId, usize> = HashMap::new();
-    for (id, held) in original.contacts_of(&ids) {
-        contacts.insert(id, held.len());
-    }
+    let addends: HashMap<ParticleId, f64> = original
+        .contacts_of(&ids)
+        .into_iter()
+        .map(|(id, held)| (id, held.iter().map(|contact| contact.normal_force.norm()).sum()))
+        .collect();
     let (before, after) = (views(&original), views(&copy));
     for (id, view) in &before {
         let other = &after[id];
         assert_eq!(view.position, other.position);
-        let scale = view.force.norm();
-        // the order of up to ten addends
-        assert!((view.force - other.force).norm() <= 1e-14 * scale.max(1e-6), "{view:?} {other:?}");
+        // round-off of up to ten addends in another order
+        assert!((view.force - other.force).norm() <= 1e-15 * addends[id], "{view:?} {other:?}");
     }
     run(&mut original, 100);
     run(&mut copy, 100);
     for (a, b) in original.particles().iter().zip(&copy.particles()) {
-        // round-off, through a few collisions: measured 2e-15 of a radius
+        // round-off, through a few collisions: measured 1.5e-14 of a radius
         assert!((a.position - b.position).norm() < 1e-12 * RADIUS, "{:e}", (a.position - b.position).norm() / RADIUS);
     }
 }
@@ -223,7 +223,7 @@ fn a_ghost_on_the_other_side_of_a_periodic_border_is_the_same_ghost() {
     // without steering, a constant path does the same
     let mut reference = with(setup, &[ghost, resident]);
     reference.prescribe(&[id(0)], Path::Constant);
-    let mut pushed = 0;
+    let (mut pushed, mut sides) = (0, 0);
     for step in 1..=20_000 {
         run(&mut simulation, 1);
         simulation.steer(|_| Some(at(step)));
@@ -232,17 +232,17 @@ fn a_ghost_on_the_other_side_of_a_periodic_border_is_the_same_ghost() {
         pushed += pressure.len();
         for contact in &pressure {
             assert_eq!((contact.ghost, contact.resident), (id(0), id(1)));
-            assert!(contact.normal_force.x > 0.0 && contact.overlap_ratio > 0.0);
+            // the resident is driven forwards, and comes round to the ghost's back
+            assert!(contact.overlap_ratio > 0.0 && contact.resident_velocity.x >= 0.0);
+            sides |= u32::from(contact.normal_force.x > 0.0) + 2 * u32::from(contact.normal_force.x < 0.0);
         }
     }
-    assert!(pushed > 5);
+    assert!(pushed > 5 && sides == 3, "{pushed} {sides}");
     assert!(at(20_000).position.x > 0.4, "four rounds");
     let (a, b) = (simulation.particles(), reference.particles());
     let gap = |x: f64| x - (x / 0.1).round() * 0.1;
     for (a, b) in a.iter().zip(&b) {
-        // a place some 0.6 m away is known to 1e-16 m; its error enters a contact's force through a stiffness of 1e4 N/m
         assert!(gap(a.position.x - b.position.x).abs() < 1e-9, "{} {}", a.position.x, b.position.x);
         assert!((a.velocity - b.velocity).norm() < 1e-7, "{} {}", a.velocity, b.velocity);
     }
-    assert!((a[1].velocity.x - speed * 1.5).abs() < 0.3 * speed, "it was hit: {}", a[1].velocity.x);
 }

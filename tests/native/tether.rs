@@ -118,20 +118,22 @@ fn it_yields_to_a_resident_that_a_ghost_would_have_run_into() {
     assert!(behind > 0.1 * RADIUS, "it was held up: {behind:e}");
     let budget = simulation.energy();
     let brought = budget.inserted;
-    assert!((budget.sum()).abs() < 1e-2 * brought, "{:e} of {brought:e}: {budget:?}", budget.sum());
-    assert!(budget.tether_work > 0.1 * brought, "the tether has pushed");
+    // sampled once a step, the work of a force that is still there lacks half a step of it
+    assert!(budget.sum().abs() < 2e-3 * budget.tether_work, "{:e}: {budget:?}", budget.sum());
+    assert!(budget.tether_work > brought, "the tether has pushed");
 }
 
 #[test]
 fn an_excursion_that_makes_it_too_stiff_stops_the_run_in_words() {
     let setup = empty(RADIUS, HERTZ, pair(0.5, 0.4, 0.0));
     let timestep = setup.timestep;
-    let mut simulation = bound(setup, Vec3::zeros());
+    let mut simulation = bound(setup.clone(), Vec3::zeros());
     // w2 dt^2 (1 + 3 (e/c)^2) = 0.1 at this excursion
     let limit = LAW.compliance * ((0.1 / (LAW.frequency_squared * timestep * timestep) - 1.0) / 3.0).sqrt();
     simulation.steer(|_| Some(still(vec3(0.0, 0.0, 0.99 * limit))));
     assert!(simulation.step().is_ok());
-    simulation.steer(|_| Some(still(vec3(0.0, 0.0, 1.02 * limit))));
+    simulation = bound(setup, Vec3::zeros());
+    simulation.steer(|_| Some(still(vec3(0.0, 0.0, 1.01 * limit))));
     let stop = simulation.step().unwrap_err();
     assert_eq!((stop.cause, stop.particle), (StopCause::StiffTether, Some(id(0))));
     assert!(stop.to_string().contains("off its recorded path"), "{stop}");
