@@ -7,6 +7,8 @@
 pub mod crossing;
 pub mod ghost;
 pub mod id_map;
+pub mod ledger;
+pub mod quality;
 pub mod record;
 pub mod replay;
 pub mod stream;
