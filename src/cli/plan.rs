@@ -2,7 +2,8 @@
 
 use super::{SceneArguments, print};
 use tollgate::backend::native;
-use tollgate::{exit_code, plan, scene};
+use tollgate::plan::{self, stages::SplitPlan};
+use tollgate::{exit_code, scene};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -26,12 +27,19 @@ pub fn run(arguments: &Arguments) -> u8 {
     };
     let threads = arguments.threads.unwrap_or_else(native::default_threads);
     let first = plan::plan(&scene, None);
-    let plan = plan::plan(&scene, native::calibrate::calibrate(&scene, &first, threads));
+    let calibration = native::calibrate::calibrate(&scene, &first, threads);
+    let (json, text, is_refused) = if scene.stages.is_empty() {
+        let plan = plan::plan(&scene, calibration);
+        (serde_json::to_string_pretty(&plan), plan.to_text(), plan.is_refused())
+    } else {
+        let plan = SplitPlan::of(&scene, calibration);
+        (serde_json::to_string_pretty(&plan), plan.to_text(), plan.is_refused())
+    };
     if arguments.json {
-        print::result(&serde_json::to_string_pretty(&plan).expect("a plan is plain numbers and names"));
+        print::result(&json.expect("a plan is plain numbers and names"));
     } else {
         print::message(&arguments.scene.rendered(&warnings));
-        print::result(&plan.to_text());
+        print::result(&text);
     }
-    if plan.is_refused() { exit_code::USAGE } else { exit_code::DONE }
+    if is_refused { exit_code::USAGE } else { exit_code::DONE }
 }

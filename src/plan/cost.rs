@@ -19,7 +19,7 @@ const DILUTE: f64 = 0.1;
 pub struct CostForecast {
     /// Particles that will have been inserted by the end.
     pub particles: f64,
-    /// The same for each feed, in the scene's order.
+    /// The same for each feed whose particles come here, in the scene's order.
     pub feeds: Vec<FeedSupply>,
     /// Time steps.
     pub steps: f64,
@@ -76,9 +76,11 @@ impl Supply {
     }
 }
 
-/// What the feeds will bring by the end of the run.
-pub(super) fn supply(scene: &Scene) -> Supply {
-    let feeds: Vec<FeedSupply> = scene.feeds.iter().map(|feed| supply_of(scene, feed)).collect();
+/// What the feeds will bring by the end of the run, each as many times as `passages` say; those of no passage are left out.
+pub(super) fn supply(scene: &Scene, passages: Option<&[f64]>) -> Supply {
+    let times = |index: usize| passages.map_or(1.0, |passages| passages[index]);
+    let feeds = scene.feeds.iter().enumerate().filter(|(index, _)| times(*index) > 0.0);
+    let feeds: Vec<FeedSupply> = feeds.map(|(index, feed)| supply_of(scene, feed).repeated(times(index))).collect();
     let size = scene.domain.bounds.size();
     let room = match scene.body {
         Body::Sphere => size.x * size.y * size.z,
@@ -92,6 +94,15 @@ pub(super) fn supply(scene: &Scene) -> Supply {
         (false, false) => (true, "particles fill more than 0.1 of the domain"),
     };
     Supply { feeds, is_dense, dense_reason }
+}
+
+impl FeedSupply {
+    fn repeated(mut self, times: f64) -> Self {
+        self.particles *= times;
+        self.measure *= times;
+        self.diameters *= times;
+        self
+    }
 }
 
 fn supply_of(scene: &Scene, feed: &Feed) -> FeedSupply {
@@ -201,7 +212,11 @@ pub(super) fn forecast(
         || "no calibration on this computer".to_owned(),
         |calibration| format!("calibrated on this computer with {} threads", calibration.threads),
     );
-    let checkpoint = if scene.start_checkpoint.is_some() { "; particles of the checkpoint not counted" } else { "" };
+    let checkpoint = if scene.start_checkpoint.is_some() {
+        "; what a checkpoint or a stored stream brings is not counted"
+    } else {
+        ""
+    };
     CostForecast {
         particles: supply.particles(),
         feeds: supply.feeds.clone(),

@@ -53,7 +53,7 @@ pub fn expected_speed(scene: &Scene) -> ImpactSpeed {
     if scene.start_checkpoint.is_some() {
         let energy = work_of_gravity(scene, &scene.domain.bounds);
         if energy >= fastest.0 {
-            fastest = (energy, "a fall through the whole domain, from the checkpoint".to_owned());
+            fastest = (energy, "a fall through the whole domain, from a checkpoint or a stored stream".to_owned());
         }
     }
     let particle_speed = (2.0 * fastest.0).sqrt();

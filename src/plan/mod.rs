@@ -3,18 +3,22 @@
 
 pub mod choose;
 pub mod cost;
+pub mod gates;
 pub mod impact;
 pub mod pairs;
 pub mod physics;
+pub mod stages;
 mod text;
 pub mod timestep;
 
 use crate::scene::Scene;
+use crate::scene::gate::StreamSource;
 use choose::BackendVerdict;
 use cost::CostForecast;
 use impact::{ImpactSpeed, OverlapForecast};
 use physics::ModelDecision;
 use serde::Serialize;
+use std::path::PathBuf;
 use timestep::{SkinChoice, TimestepChoice};
 
 /// What follows from a scene.
@@ -22,6 +26,9 @@ use timestep::{SkinChoice, TimestepChoice};
 pub struct Plan {
     /// The scene's name.
     pub scene: String,
+    /// The stage's name; `None` for a scene as a whole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<String>,
     /// Each model, on or off, with the reason.
     pub models: Vec<ModelDecision>,
     /// The speed at which particles are expected to hit something.
@@ -76,20 +83,46 @@ pub struct Calibration {
     pub threads: usize,
 }
 
-/// What follows from `scene`; wall time and memory only with a `calibration`.
+/// What a stage takes from the scene that it is part of.
+#[derive(Debug, Clone, Copy, Default)]
+struct Terms<'a> {
+    /// Time step of the whole scene [s].
+    timestep: Option<f64>,
+    /// How often the particles of each feed come in; once where it is not given.
+    passages: Option<&'a [f64]>,
+    /// Speed of the backend.
+    calibration: Option<Calibration>,
+}
+
+/// What follows from `scene` as a whole, its gates only observed; wall time and memory only with a `calibration`.
 #[must_use]
 pub fn plan(scene: &Scene, calibration: Option<Calibration>) -> Plan {
+    let terms = Terms { calibration, ..Terms::default() };
+    let mut replays = scene.stages.iter().flat_map(|stage| &stage.replays);
+    let mut plan = if replays.any(|replay| matches!(replay.source, StreamSource::Folder(_))) {
+        // Nothing is known about the particles of a stored stream but that they belong to the classes, as of a checkpoint.
+        let start_checkpoint = scene.start_checkpoint.clone().or_else(|| Some(PathBuf::new()));
+        plan_on(&Scene { start_checkpoint, ..scene.clone() }, scene, &terms)
+    } else {
+        plan_on(scene, scene, &terms)
+    };
+    plan.findings.extend(gates::advise(scene).into_iter().flat_map(|advice| advice.findings));
+    plan
+}
+
+/// What follows from `asked`, where particles come as the feeds of `scene` say.
+fn plan_on(scene: &Scene, asked: &Scene, terms: &Terms<'_>) -> Plan {
     let mut findings = Vec::new();
     let models = physics::decide(scene, &mut findings);
     let impact = impact::expected_speed(scene);
     let contacts = pairs::possible_contacts(scene, impact.speed);
-    let timestep = timestep::choose(scene, &impact, &contacts, &mut findings);
+    let timestep = timestep::choose(scene, &impact, &contacts, terms.timestep, &mut findings);
     let overlap = impact::forecast_overlap(scene, &contacts, &mut findings);
-    let supply = cost::supply(scene);
+    let supply = cost::supply(scene, terms.passages);
     let skin = timestep::choose_skin(scene, &impact, &supply, timestep.chosen);
-    let cost = cost::forecast(scene, &supply, timestep.chosen, calibration);
-    let backends = vec![choose::verdict(scene, &choose::Capabilities::native())];
-    Plan { scene: scene.name.clone(), models, impact, timestep, skin, overlap, cost, backends, findings }
+    let cost = cost::forecast(scene, &supply, timestep.chosen, terms.calibration);
+    let backends = vec![choose::verdict(asked, &choose::Capabilities::native())];
+    Plan { scene: scene.name.clone(), stage: None, models, impact, timestep, skin, overlap, cost, backends, findings }
 }
 
 impl Plan {

@@ -7,7 +7,8 @@ impl Plan {
     /// The plan as text for a terminal.
     #[must_use]
     pub fn to_text(&self) -> String {
-        let mut text = format!("plan of {}\n", self.scene);
+        let stage = self.stage.as_ref().map_or_else(String::new, |stage| format!(", stage {stage}"));
+        let mut text = format!("plan of {}{stage}\n", self.scene);
         section(&mut text, "models", &self.model_rows());
         section(&mut text, "time step", &self.timestep_rows());
         section(&mut text, "expected", &self.expectation_rows());
@@ -41,7 +42,11 @@ impl Plan {
                 [limit.name.to_owned(), seconds(limit.value), format!("{binds}{}", limit.note)]
             })
             .collect();
-        let how = if choice.given { "given in the scene" } else { "rounded down to two digits" };
+        let how = match (choice.given, choice.of_whole) {
+            (true, _) => "given in the scene",
+            (false, true) => "the step of all stages",
+            (false, false) => "rounded down to two digits",
+        };
         let of = choice.binding.map_or_else(String::new, |name| format!("{:.3} of {name}, ", choice.fraction));
         rows.push(["chosen".to_owned(), seconds(choice.chosen), format!("{of}{how}")]);
         rows
@@ -95,7 +100,7 @@ impl Plan {
     }
 }
 
-fn section(text: &mut String, title: &str, rows: &[[String; 3]]) {
+pub(super) fn section(text: &mut String, title: &str, rows: &[[String; 3]]) {
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let (first, second) = (width(0), width(1));
     let _ = write!(text, "\n{title}\n");

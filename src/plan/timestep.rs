@@ -59,6 +59,8 @@ pub struct TimestepChoice {
     pub chosen: f64,
     /// Whether the scene gives it.
     pub given: bool,
+    /// Whether it is the step of the whole scene that a stage takes.
+    pub of_whole: bool,
 }
 
 /// The neighbour skin chosen.
@@ -70,11 +72,12 @@ pub struct SkinChoice {
     pub reason: String,
 }
 
-/// Chooses the time step, or checks the one given.
+/// Chooses the time step, or checks the one given; a stage takes that of the whole scene, `of_whole` [s].
 pub fn choose(
     scene: &Scene,
     impact: &ImpactSpeed,
     contacts: &[PossibleContact],
+    of_whole: Option<f64>,
     findings: &mut Vec<PlanFinding>,
 ) -> TimestepChoice {
     let limits = vec![
@@ -92,13 +95,15 @@ pub fn choose(
     let finite = limits.iter().filter(|limit| limit.value.is_finite());
     let smallest = finite.min_by(|a, b| allowed(a).total_cmp(&allowed(b)));
     let without_limit = scene.end.time / STEPS_WITHOUT_LIMIT;
-    let chosen = scene.solver.timestep.unwrap_or_else(|| round_down(smallest.map_or(without_limit, allowed)));
+    let given = of_whole.or(scene.solver.timestep);
+    let chosen = given.unwrap_or_else(|| round_down(smallest.map_or(without_limit, allowed)));
     let bound = smallest.map_or(without_limit / fraction, |limit| limit.value);
     let choice = TimestepChoice {
         binding: smallest.map(|limit| limit.name),
         fraction: chosen / bound,
         chosen,
         given: scene.solver.timestep.is_some(),
+        of_whole: of_whole.is_some(),
         limits,
     };
     check(&choice, findings);
@@ -120,7 +125,7 @@ fn check(choice: &TimestepChoice, findings: &mut Vec<PlanFinding>) {
                 .push(warning("coarse-timestep", format!("{passed}: results depend on the step; take a smaller one")));
         }
     }
-    if choice.given && choice.binding.is_some() && choice.fraction < WASTEFUL {
+    if choice.given && !choice.of_whole && choice.binding.is_some() && choice.fraction < WASTEFUL {
         let text = format!(
             "the time step of {step:.3e} s is {:.1e} of the smallest limit: a larger one gives the same result sooner",
             choice.fraction

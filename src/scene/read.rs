@@ -140,14 +140,19 @@ mod tests {
     use crate::dem::feed::{Amount, FeedKind, Rate, Region};
     use crate::geometry::motion::MotionKind;
     use crate::geometry::part::{Surface, Trigger};
+    use crate::geometry::plane::Aperture;
     use crate::material::PairContact;
     use crate::math::vec3;
     use crate::particle::{Body, SizeDistribution};
+    use crate::scene::gate::{
+        BackingUp, Clock, ExclusionMode, Fate, PassingPoint, PathMode, StreamSource, Timing, Transform,
+    };
     use proptest::prelude::*;
     use std::f64::consts::PI;
 
     const EVERYTHING: &str = include_str!("../../tests/scenes/good/everything.toml");
     const PLANE: &str = include_str!("../../tests/scenes/good/plane.toml");
+    const GATES: &str = include_str!("../../tests/scenes/good/gates.toml");
     const DEFAULT: &str = include_str!("../../templates/scene.default.toml");
 
     fn base() -> &'static Path {
@@ -273,6 +278,70 @@ mod tests {
         assert_eq!(region, scene.domain.bounds);
     }
 
+    fn gates(settings: &[(&str, &str)]) -> Scene {
+        let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        match read_text(GATES, "gates.toml", base(), &settings) {
+            Ok((scene, _)) => scene,
+            Err(findings) => panic!("{}", super::super::diagnostics::render(&findings, GATES)),
+        }
+    }
+
+    #[test]
+    fn gates_arrive_with_defaults_from_the_largest_diameter() {
+        let scene = gates(&[]);
+        let [outlet, edge] = scene.gates.as_slice() else { panic!("two gates") };
+        assert_eq!((outlet.passage, outlet.returning, outlet.sitting), (PassingPoint::Centre, Fate::Keep, Fate::Error));
+        assert_eq!(outlet.paths.map(|paths| paths.every), Some(10));
+        close(outlet.paths.expect("paths").length, 0.009);
+        assert!(matches!(outlet.plane.aperture, Aperture::Disc { radius } if (radius - 0.06).abs() < 1e-15));
+        assert_eq!(
+            (edge.paths, edge.passage, edge.exclusion.mode),
+            (None, PassingPoint::LowestPoint, ExclusionMode::Ballistic)
+        );
+        // The class reaches 5 mm.
+        close(edge.exclusion.length, 1.2 * 0.005);
+        assert!((edge.plane.normal - vec3(0.5, 0.0, -0.5).normalize()).norm() < 1e-15);
+        let gates = gates(&[("gate.outlet.paths.every", "1"), ("gate.outlet.exclusion.mode", "constant")]);
+        assert_eq!(gates.gates[0].paths.map(|paths| paths.every), Some(1));
+        assert_eq!(gates.gates[0].exclusion.mode, ExclusionMode::Constant);
+    }
+
+    #[test]
+    fn stages_name_their_parts_feeds_and_streams_by_index() {
+        let scene = gates(&[]);
+        let [hopper, chute, plate, last] = scene.stages.as_slice() else { panic!("four stages") };
+        assert_eq!((&hopper.parts, &hopper.feeds), (&Some(vec![0]), &Some(vec![0])));
+        assert_eq!((&hopper.records[..], &chute.records[..], &plate.feeds), (&[0][..], &[1][..], &Some(vec![])));
+        assert_eq!(hopper.end.map(|end| (end.time, end.empty)), Some((3.0, true)));
+        let [replay] = chute.replays.as_slice() else { panic!("one replay") };
+        assert_eq!((&replay.source, replay.path), (&StreamSource::Gate(0), PathMode::Recorded));
+        assert_eq!((replay.clock, replay.timing, replay.loops), (Clock::Plant, Timing::Arrival, 1));
+        assert_eq!((replay.window, replay.transform), ([0.0, f64::INFINITY], Transform::IDENTITY));
+        assert_eq!((replay.leaving, replay.backing_up), (Fate::Delete, BackingUp::Stop));
+        close(replay.length, 1.2 * 0.005);
+        close(replay.compliance, 0.1 * 0.005);
+        let [replay] = plate.replays.as_slice() else { panic!("one replay") };
+        assert_eq!(
+            (replay.path, replay.clock, replay.timing),
+            (PathMode::Compliant, Clock::FirstPassage, Timing::Creation)
+        );
+        assert_eq!((replay.window, replay.loops, replay.gap), ([0.2, 2.0], 3, 0.1));
+        assert_eq!((replay.leaving, replay.backing_up), (Fate::Keep, BackingUp::Warn));
+        let (axis, angle, _) = replay.transform.rotation.expect("a rotation");
+        assert_eq!((axis, angle), (vec3(0.0, 0.0, 1.0), PI));
+        assert_eq!(replay.transform.mirror, Some((vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0))));
+        assert_eq!(last.replays[0].path, PathMode::Ballistic, "the gate stores no paths");
+        assert_eq!(last.replays[1].source, StreamSource::Folder(base().join("stored/edge")));
+    }
+
+    #[test]
+    fn a_replay_goes_by_its_gate_or_its_number() {
+        for name in ["outlet", "0"] {
+            let scene = gates(&[(&format!("stage.plate.replay.{name}.loops"), "2")]);
+            assert_eq!(scene.stages[2].replays[0].loops, 2);
+        }
+    }
+
     #[test]
     fn every_finding_of_a_scene_comes_at_once() {
         let text = "version = 2\ncolour = 1\n[contact]\nlaw = \"herz\"\n[end]\ntime = 3\n";
@@ -308,10 +377,10 @@ mod tests {
 
         #[test]
         fn mutated_scenes_never_panic(
-            which in 0..3_usize,
+            which in 0..4_usize,
             edits in proptest::collection::vec((any::<proptest::sample::Index>(), any::<proptest::sample::Index>(), 0..4_u8), 1..6),
         ) {
-            let mut lines: Vec<String> = [EVERYTHING, PLANE, DEFAULT][which].lines().map(str::to_owned).collect();
+            let mut lines: Vec<String> = [EVERYTHING, PLANE, DEFAULT, GATES][which].lines().map(str::to_owned).collect();
             for (at, other, kind) in edits {
                 let (at, other) = (at.index(lines.len()), other.index(lines.len()));
                 match kind {
