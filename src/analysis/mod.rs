@@ -6,10 +6,12 @@
 pub mod angle_of_repose;
 pub mod at_rest;
 pub mod centre_of_mass;
+pub mod compare;
 pub mod coordination_number;
 pub mod energy_budget;
 pub mod mass_flow_rate;
 pub mod measure;
+pub mod replicates;
 pub mod size_distribution;
 pub mod solid_fraction;
 pub mod statistics;

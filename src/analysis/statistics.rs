@@ -1,5 +1,8 @@
 //! The few statistics that the measures share: order statistics, a robust line, resampling of correlated series.
 
+pub mod student;
+pub mod two_samples;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

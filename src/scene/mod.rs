@@ -15,6 +15,7 @@ mod schema;
 mod tree;
 
 pub use diagnostics::{Finding, Severity};
+pub use quantity::quantity_in;
 pub use read::{read, read_text};
 
 use crate::dem::feed::Feed;

@@ -202,6 +202,34 @@ pub(super) fn parse(text: &str, dimension: Dimension) -> Result<f64, Fault> {
     }
 }
 
+/// Reads a quantity such as "2 mm" in the unit `symbol`: 0.002 for "m". Angles may be asked for in "deg"; a number without
+/// unit is one of dimension 1, whose symbol is empty.
+///
+/// # Errors
+/// Says what is wrong with `text`, in words that go after it.
+pub fn quantity_in(text: &str, symbol: &str) -> Result<f64, String> {
+    let wanted: Vec<&Unit> = if symbol.is_empty() {
+        units_of(D::Dimensionless).collect()
+    } else {
+        UNITS.iter().filter(|unit| unit.symbol == symbol).collect()
+    };
+    let mut fault = Fault::UnknownUnit(symbol.to_owned());
+    for unit in &wanted {
+        let factor = if symbol.is_empty() { 1.0 } else { unit.factor };
+        match parse(text, unit.dimension) {
+            Ok(value) => return Ok(value / factor),
+            Err(found) => fault = found,
+        }
+    }
+    let kind = wanted.first().map_or("a number without unit", |unit| unit.dimension.words());
+    Err(match fault {
+        Fault::Number => "is no number with a unit".to_owned(),
+        Fault::NoUnit => format!("has no unit; {kind} is wanted here, as in \"{} {symbol}\"", text.trim()),
+        Fault::UnknownUnit(unit) => format!("has the unknown unit \"{unit}\"; {kind} is wanted here"),
+        Fault::WrongDimension(_, found) => format!("is {}; {kind} is wanted here", found.words()),
+    })
+}
+
 /// Length of the number that `text` starts with, in bytes.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
@@ -238,6 +266,18 @@ fn normal_spelling(symbol: &str) -> String {
 mod tests {
     use super::*;
     use std::f64::consts::PI;
+
+    #[test]
+    fn quantities_in_a_given_unit() {
+        assert_eq!(quantity_in("2 mm", "m"), Ok(2e-3));
+        assert!((quantity_in("0.1 rad", "deg").unwrap() - 0.1 * 180.0 / PI).abs() < 1e-12);
+        assert_eq!(quantity_in("36 t/h", "kg/s"), Ok(36.0 / 3.6));
+        assert_eq!(quantity_in("0.2", ""), Ok(0.2));
+        assert!(quantity_in("2 mm", "deg").unwrap_err().contains("is a length; an angle is wanted"));
+        assert!(quantity_in("2", "deg").unwrap_err().contains("has no unit"));
+        assert!(quantity_in("2 furlong", "m").unwrap_err().contains("furlong"));
+        assert!(quantity_in("two", "m").unwrap_err().contains("no number"));
+    }
 
     /// (dimension, text, value in SI by hand): written apart from the table, one line for each of its rows.
     fn by_hand() -> Vec<(Dimension, &'static str, f64)> {
