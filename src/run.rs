@@ -1,6 +1,8 @@
 //! One run end to end: the only place that knows all layers.
 
+pub mod comparison;
 mod folder;
+pub mod gate_records;
 mod picture;
 mod summary;
 
