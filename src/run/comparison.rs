@@ -269,7 +269,10 @@ fn scene_of(summary: &Summary) -> Result<Scene, String> {
         .collect();
     scene::read(Path::new(file), &settings)
         .map(|(scene, _)| scene)
-        .map_err(|_| format!("the scene {file} is no longer valid; see tollgate check"))
+        .map_err(|findings| {
+            let first = findings.first().map_or("", |finding| finding.what.as_str());
+            format!("the scene {file} is no longer valid: {first}")
+        })
 }
 
 /// Checkpoints of a run's last states, with what stands before the names of the measures taken there.

@@ -162,7 +162,9 @@ fn what_is_missing_is_listed_and_decides_nothing() {
     let mut runs = set(&mut random, 5, 0.0, 0.0);
     let reference = set(&mut random, 5, 0.0, 0.0);
     runs[2].measures.insert("heap_angle_deg".into(), None);
-    runs.iter_mut().for_each(|run| drop(run.measures.insert("extra_m".into(), Some(1.0))));
+    for run in &mut runs {
+        run.measures.insert("extra_m".into(), Some(1.0));
+    }
     runs[0].gates.push(GateRecord { gate: "outlet".into(), ..GateRecord::default() });
     let found = compare(&runs, &reference, &[]).unwrap();
     let angle = measure(&found, "heap_angle");

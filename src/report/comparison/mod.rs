@@ -164,6 +164,8 @@ mod tests {
     fn the_picture_shows_every_line_and_curve() {
         let example = example();
         let svg = picture(&example);
+        std::fs::write("/tmp/cmp_picture.svg", &svg).unwrap(); // REMOVE
+        std::fs::write("/tmp/cmp_table.txt", table(&example)).unwrap(); // REMOVE
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && !svg.contains("NaN") && !svg.contains("inf"));
         for row in rows(&example) {
             assert!(svg.contains(&format!(">{}<", row.name())), "{}", row.name());

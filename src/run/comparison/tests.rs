@@ -7,6 +7,8 @@ use crate::storage::columns::ColumnWriter;
 
 const SCENE: &str = r#"
 version = 1
+[contact]
+law = "hertz-mindlin"
 [domain]
 min_mm = [-200, -50, -10]
 max_mm = [200, 50, 200]
