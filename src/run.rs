@@ -3,8 +3,10 @@
 //! scene -> plan -> stages (cut at the gates, or whole) -> each stage on its backend, its streams recorded and replayed -> measures ->
 //! summary. A stage whose result is there under the same key is not computed again.
 
+pub mod comparison;
 mod folder;
-mod gates;
+pub mod gate_records;
+pub mod gates;
 mod load;
 mod picture;
 mod replicates;

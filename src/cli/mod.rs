@@ -1,6 +1,7 @@
 //! The command line: one file a subcommand; no physics.
 
 mod check;
+mod compare;
 mod init;
 mod plan;
 mod run;
@@ -32,6 +33,8 @@ enum Verb {
     Plan(plan::Arguments),
     /// Run a scene
     Run(run::Arguments),
+    /// Compare two sets of runs: differences with 95 % intervals, and a verdict
+    Compare(compare::Arguments),
     /// Show, check, export, import or move what was recorded at a gate
     Stream(stream::Arguments),
     /// Verify the solver against closed forms and published benchmarks
@@ -119,6 +122,7 @@ pub fn main() -> ExitCode {
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Plan(arguments) => plan::run(&arguments),
         Verb::Run(arguments) => run::run(&arguments),
+        Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Stream(arguments) => stream::run(&arguments),
         Verb::Verify(arguments) => verify::run(&arguments),
     })

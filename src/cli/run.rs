@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use tollgate::exit_code;
 use tollgate::output::progress::Verbosity;
 use tollgate::output::summary::Summary;
+use tollgate::run::gates;
 use tollgate::run::{RunError, RunReport, RunRequest, run as run_scene};
 
 #[derive(Debug, clap::Args)]
@@ -164,6 +165,19 @@ fn lines(summary: &Summary) -> Vec<String> {
             stage.particle_steps_per_s / 1e6
         ));
     }
+    lines.extend(gates::lines(&summary.gates));
+    lines.extend(summary.load.iter().map(|load| {
+        format!(
+            "load: upstream A = {:.1} s x {}, downstream B = {:.1} s x {}; split {:.1} s of processor time, unsplit {:.1} s by forecast: {:.2} times",
+            load.upstream_cpu_s,
+            load.upstream_runs,
+            load.downstream_cpu_s,
+            load.downstream_runs,
+            load.split_cpu_s,
+            load.unsplit_forecast_cpu_s,
+            load.ratio
+        )
+    }));
     for feed in &summary.feeds {
         let asked = match (feed.asked_count, feed.asked_mass_kg) {
             (Some(count), _) => format!("{count} particles asked"),

@@ -37,6 +37,12 @@ pub struct GhostContact {
     pub resident: ParticleId,
     /// Overlap over the smaller radius [-].
     pub overlap_ratio: f64,
+    /// The smaller of the two radii [m].
+    pub smaller_radius: f64,
+    /// Contact point [m].
+    pub point: Vec3,
+    /// Velocity of the prescribed one [m/s].
+    pub ghost_velocity: Vec3,
     /// Velocity of the free one [m/s].
     pub resident_velocity: Vec3,
     /// Normal force on the free one [N].
@@ -91,7 +97,7 @@ impl Simulation {
         let velocities = &self.particles.velocities;
         let prescribed: Vec<bool> = velocities.iter().map(|velocity| velocity.path.is_prescribed()).collect();
         let mut contacts = Vec::new();
-        self.for_each_contact_of(&prescribed, |index, (partner, other), _, seen| {
+        self.for_each_contact_of(&prescribed, |index, (partner, other), point, seen| {
             let (Partner::Particle(resident), Some(other)) = (partner, other) else { return };
             if velocities[other].path != Path::Free {
                 return;
@@ -101,6 +107,9 @@ impl Simulation {
                 ghost: self.particles.ids[index],
                 resident,
                 overlap_ratio: seen.touch.overlap / radius(index).min(radius(other)),
+                smaller_radius: radius(index).min(radius(other)),
+                point,
+                ghost_velocity: Vec3::from(velocities[index].linear),
                 resident_velocity: Vec3::from(velocities[other].linear),
                 normal_force: seen.touch.normal * seen.answer.normal.total,
             });

@@ -3,7 +3,8 @@
 use super::colour::{hexadecimal, series};
 use super::svg::{Anchor, Document, FONT_SIZE, LINE_HEIGHT, number, round_ticks, wrapped};
 
-const WIDTH: f64 = 720.0;
+/// Width of a figure [px].
+pub(super) const FIGURE_WIDTH: f64 = 720.0;
 const PLOT: [f64; 2] = [80.0, 690.0];
 const PLOT_TOP: f64 = 40.0;
 const PLOT_HEIGHT: f64 = 380.0;
@@ -63,33 +64,43 @@ impl Figure {
     /// The figure as an SVG document.
     #[must_use]
     pub fn to_svg(&self) -> String {
+        let mut document = Document::new(FIGURE_WIDTH, self.height(), &self.title, &self.style());
+        self.draw(&mut document, "plot");
+        document.finish()
+    }
+
+    /// Its height [px].
+    pub(super) fn height(&self) -> f64 {
         let caption = wrapped(&self.caption, LETTERS_A_LINE);
-        let height = PLOT_TOP + PLOT_HEIGHT + 62.0 + caption.len() as f64 * LINE_HEIGHT;
-        let mut document = Document::new(WIDTH, height, &self.title, &self.style());
+        PLOT_TOP + PLOT_HEIGHT + 62.0 + caption.len() as f64 * LINE_HEIGHT
+    }
+
+    /// Draws it with its upper left corner at the origin; `clip` names its plot area and is there once a document.
+    pub(super) fn draw(&self, document: &mut Document, clip: &str) {
         let scales = [
             Scale::new(&self.x, self.values(0), PLOT),
             Scale::new(&self.y, self.values(1), [PLOT_TOP + PLOT_HEIGHT, PLOT_TOP]),
         ];
-        self.draw_axes(&mut document, &scales);
+        self.draw_axes(document, &scales);
         document.raw(&format!(
-            "<clipPath id=\"plot\"><rect x=\"{}\" y=\"{PLOT_TOP}\" width=\"{}\" height=\"{PLOT_HEIGHT}\"/></clipPath>\n\
-             <g clip-path=\"url(#plot)\">",
+            "<clipPath id=\"{clip}\"><rect x=\"{}\" y=\"{PLOT_TOP}\" width=\"{}\" height=\"{PLOT_HEIGHT}\"/></clipPath>\n\
+             <g clip-path=\"url(#{clip})\">",
             PLOT[0],
             PLOT[1] - PLOT[0]
         ));
         for layer in &self.layers {
-            draw(&mut document, layer, &scales);
+            draw(document, layer, &scales);
         }
         document.raw("</g>");
-        self.draw_legend(&mut document);
-        for (k, line) in caption.iter().enumerate() {
+        self.draw_legend(document);
+        for (k, line) in wrapped(&self.caption, LETTERS_A_LINE).iter().enumerate() {
             let y = PLOT_TOP + PLOT_HEIGHT + 70.0 + k as f64 * LINE_HEIGHT;
             document.label([PLOT[0], y], Anchor::Start, "", line);
         }
-        document.finish()
     }
 
-    fn style(&self) -> String {
+    /// The classes it is drawn with; figures of one document share them.
+    pub(super) fn style(&self) -> String {
         let mut style = String::from(
             ".f{fill:none;stroke:#222;stroke-width:1}.g{fill:none;stroke:#e4e4e4;stroke-width:1}\n.t{font-weight:bold}\n",
         );

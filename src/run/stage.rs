@@ -134,7 +134,7 @@ fn compute(
     };
     let measures = measured(&job.scene, &result, place)?;
     picture::draw(&job.scene, &result, &measures, place)?;
-    let summary = summary::of(order, job, &result, &measures, warned);
+    let summary = summary::of(order, job, &result, &measures, warned, place)?;
     summary.write(&folder.summary_path())?;
     Ok(StageOutcome {
         stage: job.name.clone(),

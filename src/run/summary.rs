@@ -86,11 +86,13 @@ pub fn of(
     result: &StageResult,
     measures: &[MeasureResult],
     mut warnings: Vec<String>,
-) -> Summary {
+    folder: &Path,
+) -> Result<Summary, StorageError> {
     let own = result.feeds.iter().enumerate().filter(|(index, _)| job.own_feeds.contains(index));
     let feeds: Vec<FeedSummary> = own.map(|(_, report)| feed(report)).collect();
     warnings
         .extend(feeds.iter().filter_map(|feed| Some(format!("feed '{}': {}", feed.name, feed.shortfall.as_ref()?))));
+    warnings.extend(gates::warnings(&result.gates));
     let interrupted = result.end == EndReason::Interrupted;
     let mut summary = Summary {
         scene: provenance(order.request, &job.scene),
@@ -112,7 +114,7 @@ pub fn of(
             peak_memory_bytes: result.used.peak_memory_bytes,
             threads: order.threads as u64,
         }],
-        gates: gates::of_stage(&job.name, &job.scene, &result.gates),
+        gates: gates::of_stage(&job.name, folder, &result.gates)?,
         feeds,
         removed: removals(result),
         events: events(&job.scene, result),
@@ -123,7 +125,7 @@ pub fn of(
     for measure in measures {
         record_measure(&mut summary, measure);
     }
-    summary
+    Ok(summary)
 }
 
 /// The summary of a cut scene, from those of its stages that have been run.

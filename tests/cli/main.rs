@@ -3,6 +3,7 @@
 
 mod bits;
 mod common;
+mod compare;
 mod exits;
 mod folders;
 mod restart;

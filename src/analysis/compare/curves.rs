@@ -172,7 +172,7 @@ impl Curves {
             [0, 0] => {}
             [0, _] => notes.push("the runs have no such curve".to_owned()),
             [_, 0] => notes.push("the reference has no such curve".to_owned()),
-            _ => notes.extend(super::single_sides(counts)),
+            _ => notes.extend(super::few_runs(counts)),
         }
         notes
     }

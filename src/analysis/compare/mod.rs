@@ -200,7 +200,7 @@ fn compare_one(quantity: &Quantity, margins: &Margins) -> MeasureComparison {
     }
     let mut notes = missing;
     notes.extend(quantity.note.clone());
-    notes.extend(single_sides([present[0].len(), present[1].len()]));
+    notes.extend(few_runs([present[0].len(), present[1].len()]));
     MeasureComparison {
         name: quantity.name.clone(),
         unit: quantity.unit.clone(),
@@ -218,6 +218,8 @@ fn compare_one(quantity: &Quantity, margins: &Margins) -> MeasureComparison {
     }
 }
 
+/// Runs from which on a side's scatter is known well enough for Welch's interval, whatever the other side has.
+const FEW_RUNS: usize = 5;
 const SIDES: [&str; 2] = ["the runs", "the reference"];
 
 /// On which side a value is missing, in words.
@@ -233,12 +235,17 @@ fn missing_values(quantity: &Quantity, present: &[Vec<f64>; 2]) -> Vec<String> {
     [missing(0), missing(1)].into_iter().flatten().collect()
 }
 
-/// What a side with a single run means for the interval, in words.
-fn single_sides(counts: [usize; 2]) -> Option<String> {
+/// What a side with a single run, or with few, means for the interval, in words.
+fn few_runs(counts: [usize; 2]) -> Option<String> {
     match counts {
         [1, 1] => Some("one run on each side: nothing is known of the scatter".to_owned()),
         [1, n] if n > 1 => Some("one run: the interval rests on the reference's scatter".to_owned()),
         [n, 1] if n > 1 => Some("one reference run: the interval rests on the runs' scatter".to_owned()),
+        [a, b] if a.min(b) > 1 && a.min(b) < FEW_RUNS && a.max(b) > 2 * a.min(b) => Some(format!(
+            "only {} runs on one side and {} on the other: Welch's interval is somewhat too narrow there",
+            a.min(b),
+            a.max(b)
+        )),
         _ => None,
     }
 }

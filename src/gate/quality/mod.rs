@@ -17,7 +17,7 @@ const CONTACT_FORCE: f64 = 1e-9;
 const DEEP_OVERLAP: f64 = 0.1;
 
 /// Adds up crossings.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CrossingStatistics {
     normal: Vec3,
     gravity: f64,

@@ -1,31 +1,36 @@
 //! A stream that enters a stage.
 
 use super::ReplayOrder;
+use super::pressure::{Pressure, PressureState};
 use crate::backend::BackendError;
 use crate::backend::native::NAME;
 use crate::dem::ghost::PrescribedMotion;
 use crate::dem::inspect::Partner;
 use crate::dem::neighbor::list::Memory;
 use crate::dem::particles::Path;
-use crate::dem::release::{Arrival, ReleaseCount};
+use crate::dem::release::Arrival;
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::tether::TetherLaw;
 use crate::gate::HAND_OVER_STEPS;
 use crate::gate::crossing::{ContactPartner, Crossing, Motion, StoredContact};
+use crate::gate::ledger::{ArrivalBook, ArrivalReport, Exception, Histories};
+use crate::gate::quality::{BackedUp, Quality, judge};
+use crate::gate::record::RecordTally;
 use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
 use crate::gate::stream::format::{Counts, Manifest};
 use crate::gate::stream::reader::StreamReader;
 use crate::gate::stream::transform::Placement;
 use crate::geometry::plane::GatePlane;
 use crate::math::Vec3;
-use crate::particle::ParticleId;
+use crate::particle::{Body, ParticleId, ParticleState};
 use crate::scene::Scene;
-use crate::scene::gate::{Fate, PathMode, Replay};
+use crate::scene::gate::{BackingUp, Fate, PathMode, Replay};
 use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::path::PathBuf;
 
 /// A stream that a stage has replayed.
 #[derive(Debug, Clone)]
@@ -36,10 +41,14 @@ pub struct ReplayResult {
     pub replay: Replay,
     /// What the stream holds.
     pub stream: Counts,
-    /// What arrived, and what became of it.
+    /// What the replayer counted.
     pub tally: ReplayTally,
-    /// Contacts whose memory was asked for at the releases.
-    pub histories: ReleaseCount,
+    /// What arrived, against what was recorded.
+    pub arrivals: ArrivalReport,
+    /// How the cut is judged by its figures.
+    pub quality: Option<Quality>,
+    /// The downstream was found to back up.
+    pub backed_up: Option<BackedUp>,
     /// Particles that went back upstream beyond the generation plane.
     pub left_upstream: u64,
 }
@@ -51,6 +60,7 @@ const TETHER_WEIGHTS: f64 = 10.0;
 #[derive(Debug)]
 pub struct Arrivals {
     name: String,
+    stream: PathBuf,
     feed_offset: u32,
     replay: Replay,
     replayer: Replayer,
@@ -60,7 +70,9 @@ pub struct Arrivals {
     parts: Vec<Option<u16>>,
     tether: TetherLaw,
     due: Due,
-    histories: ReleaseCount,
+    book: ArrivalBook,
+    pressure: Pressure,
+    body: Body,
     /// Particles that have arrived, and whether they went back upstream beyond the generation plane since.
     arrived: HashMap<ParticleId, bool>,
     left_upstream: u64,
@@ -70,7 +82,8 @@ pub struct Arrivals {
 #[derive(Debug, Serialize, Deserialize)]
 struct Progress {
     step: u64,
-    histories: [u64; 4],
+    book: ArrivalBook,
+    pressure: PressureState,
     left_upstream: u64,
 }
 
@@ -85,22 +98,25 @@ impl Arrivals {
         let reader = StreamReader::open(&order.stream)?;
         let manifest = reader.manifest().clone();
         let own_part = |name: &String| scene.parts.iter().position(|part| part.name == *name).map(|index| index as u16);
+        let diameter = scene.largest_diameter();
         let stage = ReplayStage {
             timestep: simulation.setup().timestep,
             gravity: scene.gravity,
             body: scene.body,
             feed_offset: order.feed_offset,
-            largest_diameter: scene.largest_diameter(),
+            largest_diameter: diameter,
             start_step: 0,
             transform: |transform, crossing| {
                 if transform.is_identity() { crossing } else { Placement::from(transform).crossing(&crossing) }
             },
         };
+        let plane = order.replay.transform.plane(&manifest.origin.plane);
         let materials = manifest.material_numbers(&scene.materials);
         let source = StoredStream { reader, materials };
         let replayer = Replayer::new(Box::new(source), facts(&manifest), &order.replay, stage)?;
         let mut arrivals = Self {
             name: order.name.clone(),
+            stream: order.stream.clone(),
             feed_offset: order.feed_offset,
             tether: TetherLaw {
                 frequency_squared: TETHER_WEIGHTS * scene.gravity.norm() / order.replay.compliance,
@@ -109,10 +125,12 @@ impl Arrivals {
             replay: order.replay.clone(),
             replayer,
             counts: manifest.counts,
-            plane: order.replay.transform.plane(&manifest.origin.plane),
+            plane,
             parts: manifest.origin.part_names.iter().map(own_part).collect(),
             due: Due::default(),
-            histories: ReleaseCount::default(),
+            book: ArrivalBook::default(),
+            pressure: Pressure::new(&order.name, plane, diameter, scene.gravity.norm(), upstream_overlap(&manifest)),
+            body: scene.body,
             arrived: HashMap::new(),
             left_upstream: 0,
         };
@@ -128,8 +146,8 @@ impl Arrivals {
         let progress: Progress = serde_json::from_str(text).map_err(|error| {
             BackendError::Checkpoint(format!("the state of stream '{}' cannot be used: {error}", self.name))
         })?;
-        let [restored, kept_by_solver, without_partner, with_parts] = progress.histories;
-        self.histories = ReleaseCount { restored, kept_by_solver, without_partner, with_parts };
+        self.book = progress.book;
+        self.pressure.restore(progress.pressure);
         self.left_upstream = progress.left_upstream;
         let (ids, gone) = (reader.u64s(&format!("{prefix}arrived"))?, reader.u8s(&format!("{prefix}upstream"))?);
         self.arrived = ids.into_iter().map(ParticleId).zip(gone.into_iter().map(|gone| gone != 0)).collect();
@@ -139,10 +157,10 @@ impl Arrivals {
     /// Puts its state into a checkpoint.
     pub fn save(&self, writer: &mut ColumnWriter, step: u64) {
         let prefix = self.prefix();
-        let counts = &self.histories;
         let progress = Progress {
             step,
-            histories: [counts.restored, counts.kept_by_solver, counts.without_partner, counts.with_parts],
+            book: self.book.clone(),
+            pressure: self.pressure.state(),
             left_upstream: self.left_upstream,
         };
         let text = serde_json::to_string(&progress).expect("plain numbers become JSON");
@@ -197,11 +215,27 @@ impl Arrivals {
                 simulation.untether(&ids);
             }
             let arrivals: Vec<Arrival> = due.release.iter().map(|release| self.arrival(release)).collect();
-            self.histories.add(simulation.release(&arrivals));
+            let count = simulation.release(&arrivals);
+            self.book.add_histories(Histories {
+                restored: count.restored + count.with_parts,
+                kept: count.kept_by_solver,
+                without_partner: count.without_partner,
+            });
+            for wanted in due.release.iter().map(|release| &release.state) {
+                match simulation.loaded_state(wanted.id) {
+                    Some((now, ..)) => self.book.arrived(wanted, &now, self.body),
+                    None => self.book.lost(wanted.id),
+                }
+            }
             self.arrived.extend(ids.into_iter().map(|id| (id, false)));
         }
         if step.is_multiple_of(HAND_OVER_STEPS) && !self.arrived.is_empty() {
             self.look_back(simulation)?;
+            if let Some(backed_up) = self.pressure.look(simulation)
+                && self.replay.backing_up == BackingUp::Stop
+            {
+                return Err(stopped(simulation, &self.name, &backed_up.words));
+            }
         }
         Ok(())
     }
@@ -263,17 +297,56 @@ impl Arrivals {
         }
     }
 
-    /// Passes on what came of the replay.
-    pub fn finish(self) -> ReplayResult {
-        ReplayResult {
+    /// Compares what arrived with what the stream holds, and passes on what came of the replay.
+    pub fn finish(self) -> Result<ReplayResult, BackendError> {
+        let reader = StreamReader::open(&self.stream)?;
+        let manifest = reader.manifest().clone();
+        let namespace = manifest.origin.feeds.len() as u32;
+        let finished = self.replayer.is_finished();
+        let recorded = (0..self.replay.loops.max(1)).flat_map(|turn| {
+            let offset = self.feed_offset + turn as u32 * namespace;
+            let excuse = |time: f64| {
+                let [from, until] = self.replay.window;
+                match () {
+                    () if time < from || time > until => Some(Exception::OutsideWindow),
+                    () if !finished => Some(Exception::OnItsWay),
+                    () => None,
+                }
+            };
+            reader.crossings().map_while(move |crossing| {
+                let crossing = crossing.ok()?;
+                let id = ParticleId::new(crossing.state.id.feed() + offset, crossing.state.id.serial());
+                Some((ParticleState { id, ..crossing.state }, excuse(crossing.passage.time)))
+            })
+        });
+        let arrivals = self.book.close(recorded, self.body);
+        let (overlaps, backed_up) = self.pressure.finish();
+        let tally = manifest.quality.get("recorded").cloned();
+        let tally: Option<RecordTally> = tally.and_then(|value| serde_json::from_value(value).ok());
+        let crossings = manifest.quality.get("crossings").cloned();
+        let crossings = crossings.and_then(|value| serde_json::from_value(value).ok());
+        let quality = match (tally, crossings, manifest.origin.exclusion) {
+            (Some(tally), Some(crossings), Some(exclusion)) => {
+                Some(judge(crossings, &tally, overlaps, exclusion.mode, self.replay.path))
+            }
+            _ => None,
+        };
+        Ok(ReplayResult {
             name: self.name,
             stream: self.counts,
             tally: self.replayer.tally(),
             replay: self.replay,
-            histories: self.histories,
+            arrivals,
+            quality,
+            backed_up,
             left_upstream: self.left_upstream,
-        }
+        })
     }
+}
+
+/// Largest overlap over the radius at the crossings of a stream [-]; 0 where it does not say.
+fn upstream_overlap(manifest: &Manifest) -> f64 {
+    manifest.quality["crossings"]["largest_overlap_share"].as_f64().unwrap_or(0.0)
 }
 
 fn stopped(simulation: &Simulation, stream: &str, what: &str) -> BackendError {

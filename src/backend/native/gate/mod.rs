@@ -2,12 +2,15 @@
 //!
 //! Arrivals come first: a particle released at a step is an ordinary particle of that step when recorders look.
 
+mod accounts;
 mod arrivals;
+mod pressure;
 mod recording;
 
 use super::{Kick, Request};
 use crate::backend::BackendError;
 use crate::dem::simulation::Simulation;
+use crate::gate::ledger::{EnergyAccount, MomentumAccount};
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::scene::gate::Replay;
@@ -43,6 +46,10 @@ pub struct GateResults {
     pub recorded: Vec<RecordResult>,
     /// Streams replayed.
     pub replayed: Vec<ReplayResult>,
+    /// Momentum of the stage's particles, where there is a gate.
+    pub momentum: Option<MomentumAccount>,
+    /// Energy of the stage's particles, where there is a gate and losses are accounted for.
+    pub energy: Option<EnergyAccount>,
 }
 
 /// Everything that a run does at its gates.
@@ -110,8 +117,10 @@ impl HandOver {
     pub fn finish(self, simulation: &Simulation, ended: bool) -> Result<GateResults, BackendError> {
         let recorded = self.recordings.into_iter().map(|recording| recording.finish(simulation, ended));
         let recorded = recorded.collect::<Result<_, _>>()?;
-        let replayed = self.arrivals.into_iter().map(Arrivals::finish).collect();
-        Ok(GateResults { recorded, replayed })
+        let replayed = self.arrivals.into_iter().map(Arrivals::finish);
+        let replayed = replayed.collect::<Result<_, _>>()?;
+        let (momentum, energy) = (accounts::momentum(simulation), accounts::energy(simulation));
+        Ok(GateResults { recorded, replayed, momentum, energy })
     }
 }
 

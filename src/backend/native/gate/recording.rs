@@ -10,6 +10,7 @@ use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::view::ParticleView;
 use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
+use crate::gate::quality::{CrossingFigures, CrossingStatistics};
 use crate::gate::record::{RecordTally, Recorder, RecorderState, Role};
 use crate::gate::stream::columns::{columns, from_columns};
 use crate::gate::stream::format;
@@ -20,6 +21,7 @@ use crate::scene::gate::{ExclusionMode, Gate};
 use crate::stage::split;
 use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter, read_all};
+use serde_json::json;
 use std::fs;
 
 /// A stream that a stage has recorded.
@@ -31,6 +33,8 @@ pub struct RecordResult {
     pub observed: bool,
     /// What passed, and what became of it.
     pub tally: RecordTally,
+    /// What the crossings were like.
+    pub crossings: CrossingFigures,
     /// Manifest of the stream; `None` where the run did not come to its end.
     pub manifest: Option<Manifest>,
 }
@@ -41,6 +45,7 @@ pub struct Recording {
     gate: Gate,
     observes: bool,
     recorder: Recorder,
+    statistics: CrossingStatistics,
     writer: StreamWriter,
 }
 
@@ -57,6 +62,9 @@ impl Recording {
         let role = if order.observes { Role::Observe } else { Role::HandOver };
         let timestep = simulation.setup().timestep;
         let mut recorder = Recorder::new(&gate, role, scene.gravity, timestep, scene.largest_diameter());
+        // The generation zone is the replay's; the path's length, or else that of the exclusion zone, stands for it.
+        let length = gate.paths.map_or(gate.exclusion.length, |paths| paths.length);
+        let mut statistics = CrossingStatistics::new(gate.plane.normal, &scene.gravity, scene.body, length);
         let place = request.folder.join("streams").join(&gate.name);
         let origin = origin(scene, order, request, simulation);
         let writer = match held {
@@ -70,15 +78,15 @@ impl Recording {
             Some(reader) => {
                 let prefix = prefix(&gate);
                 let path = request.folder;
-                recorder.restore(&recorder_state(reader, &prefix)?).map_err(|reason| {
-                    BackendError::Checkpoint(format!("the state of gate '{}' cannot be used: {reason}", gate.name))
-                })?;
+                let state = recorder_state(reader, &prefix)?;
+                recorder.restore(&state).map_err(|reason| unusable(&gate.name, &reason))?;
+                statistics = from_text(reader.attribute_text(&format!("{prefix}statistics"))?, &gate.name)?;
                 let pending = from_columns(path, &mut read_all(reader)?, &format!("{prefix}pending."))?;
                 let sealed = reader.attribute_u64(&format!("{prefix}sealed"))? as usize;
                 StreamWriter::resume(&place, origin, sealed, pending)?
             }
         };
-        Ok(Self { gate, observes: order.observes, recorder, writer })
+        Ok(Self { gate, observes: order.observes, recorder, statistics, writer })
     }
 
     /// Looks at all particles after a time step.
@@ -87,7 +95,9 @@ impl Recording {
         for (id, contacts) in simulation.contacts_of(&look.crossed) {
             let Some((state, force, torque)) = simulation.loaded_state(id) else { continue };
             let contacts = contacts.iter().map(stored).collect();
-            self.writer.push(self.recorder.crossing(state, force, torque, contacts))?;
+            let crossing = self.recorder.crossing(state, force, torque, contacts);
+            self.statistics.add(&crossing);
+            self.writer.push(crossing)?;
         }
         match self.gate.exclusion.mode {
             ExclusionMode::Constant => simulation.prescribe(&look.freeze, Path::Constant),
@@ -121,6 +131,8 @@ impl Recording {
             writer.column(&format!("{prefix}{name}"), column);
         }
         writer.attribute(&format!("{prefix}progress"), state.progress);
+        let statistics = serde_json::to_string(&self.statistics).expect("plain numbers become JSON");
+        writer.attribute(&format!("{prefix}statistics"), statistics);
         writer.attribute(&format!("{prefix}sealed"), self.writer.sealed() as u64);
         for (name, column) in columns(self.writer.pending()) {
             writer.column(&format!("{prefix}pending.{name}"), column);
@@ -136,10 +148,20 @@ impl Recording {
             present: event.present,
             time: event.time,
         });
-        let closing = Closing { events: events.collect(), quality: serde_json::to_value(&tally).unwrap_or_default() };
+        let crossings = self.statistics.figures();
+        let quality = json!({"recorded": tally, "crossings": crossings, "free_flow": tally.free_flow});
+        let closing = Closing { events: events.collect(), quality };
         let manifest = if ended { Some(self.writer.finish(closing)?) } else { None };
-        Ok(RecordResult { gate: self.gate, observed: self.observes, tally, manifest })
+        Ok(RecordResult { gate: self.gate, observed: self.observes, tally, crossings, manifest })
     }
+}
+
+fn unusable(gate: &str, reason: &str) -> BackendError {
+    BackendError::Checkpoint(format!("the state of gate '{gate}' cannot be used: {reason}"))
+}
+
+fn from_text(text: &str, gate: &str) -> Result<CrossingStatistics, BackendError> {
+    serde_json::from_str(text).map_err(|error| unusable(gate, &error.to_string()))
 }
 
 /// Name under which a gate's state stands in a checkpoint.
