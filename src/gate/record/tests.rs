@@ -302,7 +302,7 @@ fn a_restored_recorder_goes_on_bit_for_bit() {
     let look = |watch: &mut Recorder, step: u64| {
         let mut present = crowd(step);
         // The order in which a solver shows its particles is its own affair.
-        if step % 3 == 0 {
+        if step.is_multiple_of(3) {
             present.reverse();
         }
         let look = watch.look(step, present.into_iter());

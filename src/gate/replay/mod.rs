@@ -267,10 +267,10 @@ impl Replayer {
         tally.inserted += 1;
         tally.begun_at_start += u64::from(ghost.clipped);
         match ghost.times.begins {
-            Begins::AtZone => {}
-            Begins::AtApex => tally.apex_starts += 1,
-            Begins::AtRelease => tally.without_entry += 1,
-            Begins::AtPathStart => tally.short_paths += 1,
+            Begins::Zone => {}
+            Begins::Apex => tally.apex_starts += 1,
+            Begins::Release => tally.without_entry += 1,
+            Begins::PathStart => tally.short_paths += 1,
         }
     }
 

@@ -37,11 +37,14 @@ pub(super) struct Times {
 /// How a ghost's path begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Begins {
-    AtZone,
-    AtApex,
-    AtRelease,
-    /// The recorded path is shorter than the generation zone.
-    AtPathStart,
+    /// At the generation plane.
+    Zone,
+    /// At the highest point of a ballistic path.
+    Apex,
+    /// At the release: no path leads upstream.
+    Release,
+    /// At the start of a recorded path that is shorter than the generation zone.
+    PathStart,
 }
 
 impl Timetable {
@@ -111,9 +114,9 @@ impl Timetable {
             _ => ghost::constant_entry(way, speed),
         };
         match entry {
-            Entry::Zone(lead) => (lead.max(0.0), Begins::AtZone),
-            Entry::Apex(lead) => (lead, Begins::AtApex),
-            Entry::Nowhere => (0.0, Begins::AtRelease),
+            Entry::Zone(lead) => (lead.max(0.0), Begins::Zone),
+            Entry::Apex(lead) => (lead, Begins::Apex),
+            Entry::Nowhere => (0.0, Begins::Release),
         }
     }
 
@@ -122,9 +125,9 @@ impl Timetable {
         let outside = |motion: &Motion| self.distance(&motion.position, crossing.state.radius) < -self.replay.length;
         let last_outside = crossing.path.iter().rposition(outside);
         let begins = match (last_outside, crossing.path.is_empty()) {
-            (Some(_), _) => Begins::AtZone,
-            (None, false) => Begins::AtPathStart,
-            (None, true) => return (0.0, Begins::AtRelease),
+            (Some(_), _) => Begins::Zone,
+            (None, false) => Begins::PathStart,
+            (None, true) => return (0.0, Begins::Release),
         };
         let start = self.path(crossing).step_of(last_outside.unwrap_or(0));
         let end = if self.on_grid() { crossing.step as f64 } else { crossing.passage.time / self.facts.timestep };
@@ -183,7 +186,7 @@ impl Timetable {
         let before_release = floor_look(times.release + shift - 1);
         let entry = times.entry.floor() as i64;
         let mut look = floor_look(entry.saturating_add(shift));
-        if times.begins == Begins::AtPathStart {
+        if times.begins == Begins::PathStart {
             let covered = self.stream_time(look, shift).step >= crossing.path_start as i64;
             look += if covered { 0 } else { HAND_OVER_STEPS as i64 };
         }

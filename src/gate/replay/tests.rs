@@ -194,7 +194,7 @@ fn an_exact_replay_releases_the_stored_bits_at_their_own_step() {
             assert_eq!((entry.motion.position, entry.motion.velocity), (entry.state.position, entry.state.velocity));
             // Up to 16 steps before the generation plane, at less than 1.1 m/s.
             let way = entry.motion.position.z;
-            assert!(way >= LENGTH - 1e-12 && way < LENGTH + 0.016 * 1.1, "{path:?}: entered at {way}");
+            assert!((LENGTH - 1e-12..LENGTH + 0.016 * 1.1).contains(&way), "{path:?}: entered at {way}");
         }
         let tally = replayer.tally();
         assert_eq!((tally.expected, tally.inserted, tally.released, tally.begun_at_start), (60, 60, 60, 0));
