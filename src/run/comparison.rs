@@ -267,12 +267,10 @@ fn scene_of(summary: &Summary) -> Result<Scene, String> {
         .filter_map(|setting| setting.split_once('='))
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
-    scene::read(Path::new(file), &settings)
-        .map(|(scene, _)| scene)
-        .map_err(|findings| {
-            let first = findings.first().map_or("", |finding| finding.what.as_str());
-            format!("the scene {file} is no longer valid: {first}")
-        })
+    scene::read(Path::new(file), &settings).map(|(scene, _)| scene).map_err(|findings| {
+        let first = findings.first().map_or("", |finding| finding.what.as_str());
+        format!("the scene {file} is no longer valid: {first}")
+    })
 }
 
 /// Checkpoints of a run's last states, with what stands before the names of the measures taken there.

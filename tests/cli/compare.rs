@@ -51,7 +51,10 @@ fn sets_agree_differ_or_leave_it_open() {
     assert_eq!(found["verdict"], "differs");
     let measures = found["measures"].as_array().unwrap();
     let d50 = measures.iter().find(|measure| measure["name"] == "sizes_d50_by_mass").unwrap();
-    assert_eq!((&d50["verdict"], &d50["unit"], d50["runs"]["count"].as_u64()), (&"differs".into(), &"m".into(), Some(4)));
+    assert_eq!(
+        (&d50["verdict"], &d50["unit"], d50["runs"]["count"].as_u64()),
+        (&"differs".into(), &"m".into(), Some(4))
+    );
     let difference = d50["difference"].as_f64().unwrap();
     // About 5.2 mm against 3.6 mm by mass.
     assert!((-2.2e-3..-1.0e-3).contains(&difference), "{difference}");
@@ -59,7 +62,11 @@ fn sets_agree_differ_or_leave_it_open() {
     assert!(low < difference && difference < high && high < 0.0);
     let single = compare(&bench, &a[..1], &b[..1], &[]);
     assert_eq!(single.code, 6, "{single:?}");
-    assert!(single.out.contains("nothing is known of the scatter") && single.out.contains("inconclusive"), "{}", single.out);
+    assert!(
+        single.out.contains("nothing is known of the scatter") && single.out.contains("inconclusive"),
+        "{}",
+        single.out
+    );
 }
 
 #[test]
@@ -78,7 +85,8 @@ fn everything_wrong_is_said_at_once() {
     let bench = Bench::with(&[FLOOR, BEADS, END, MEASURES]);
     let a = set(&bench, "a", 1..2, &[]);
     let answer = bench.tollgate(&["compare", "a/1", "nowhere", "--with", "a/1", "elsewhere"]);
-    answer.refused(2, &["nowhere is no result of a run", "elsewhere is no result of a run", "a/1 stands on both sides"]);
+    answer
+        .refused(2, &["nowhere is no result of a run", "elsewhere is no result of a run", "a/1 stands on both sides"]);
     let b = set(&bench, "b", 2..3, &[]);
     let answer = compare(&bench, &a, &b, &["--margin", "bedx=1mm", "--margin", "bed_x=2deg"]);
     answer.refused(2, &["no measure is called \"bedx\"; known are bed_x", "is an angle; a length is wanted"]);
