@@ -87,6 +87,13 @@ impl<'a> Row<'a> {
         }
     }
 
+    /// What decides how many digits of a difference mean something: its interval, and no less than a hundredth of its margin.
+    fn scale(self) -> f64 {
+        let half = self.interval().map_or(0.0, |[low, high]| 0.5 * (high - low));
+        let scale = half.max(0.01 * self.margin().unwrap_or(0.0));
+        if scale > 0.0 { scale } else { self.difference().unwrap_or(0.0).abs() }
+    }
+
     /// The verdict with the number of runs that would decide it.
     fn words(self) -> String {
         match self.runs_needed() {
@@ -164,8 +171,6 @@ mod tests {
     fn the_picture_shows_every_line_and_curve() {
         let example = example();
         let svg = picture(&example);
-        std::fs::write("/tmp/cmp_picture.svg", &svg).unwrap(); // REMOVE
-        std::fs::write("/tmp/cmp_table.txt", table(&example)).unwrap(); // REMOVE
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && !svg.contains("NaN") && !svg.contains("inf"));
         for row in rows(&example) {
             assert!(svg.contains(&format!(">{}<", row.name())), "{}", row.name());

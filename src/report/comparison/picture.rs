@@ -108,9 +108,9 @@ fn values(row: Row) -> String {
     let (Some(difference), Some(margin)) = (row.difference(), row.margin()) else {
         return format!("{} ({})", row.verdict().word(), if row.note().is_empty() { "no value" } else { row.note() });
     };
-    let scale = row.interval().map(|[low, high]| 0.5 * (high - low)).filter(|half| *half > 0.0).unwrap_or(0.1 * margin);
     let unit = if row.unit().is_empty() { String::new() } else { format!(" {}", row.unit()) };
-    format!("{} \u{b1} {}{unit}: {}", rounded(difference, scale), rounded(margin, 0.1 * margin), row.words())
+    let shown = rounded(difference, row.scale());
+    format!("{shown}{unit}, margin {}{unit}: {}", rounded(margin, margin), row.words())
 }
 
 fn figure(curve: &CurveComparison) -> Figure {
@@ -138,10 +138,17 @@ fn figure(curve: &CurveComparison) -> Figure {
     Figure {
         title: format!("{}: {}", curve.name, curve.verdict.word()),
         x: Axis { label: with_unit(&curve.x.label, &curve.x.unit), ..Axis::default() },
-        y: Axis { label: with_unit(&curve.y.label, &curve.y.unit), ..Axis::default() },
+        y: Axis { label: with_unit(&curve.y.label, &curve.y.unit), range: range(curve), ..Axis::default() },
         layers,
-        caption: format!("Distance and margin: {}.", values(row)),
+        caption: format!("Largest difference {}.", values(row)),
     }
+}
+
+/// Shares start at 0, and leave room for the legend above them; other curves take what they need.
+fn range(curve: &CurveComparison) -> Option<[f64; 2]> {
+    let sets = [curve.runs.as_ref(), curve.reference.as_ref()];
+    let highest = sets.into_iter().flatten().flat_map(|set| &set.mean).copied().fold(0.0, f64::max);
+    (!curve.bin_edges.is_empty() && highest > 0.0).then_some([0.0, 1.5 * highest])
 }
 
 fn band(curve: &CurveComparison, set: &SetCurve) -> Option<Vec<[f64; 3]>> {

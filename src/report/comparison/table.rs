@@ -1,7 +1,7 @@
 //! The comparison as text: a table of numbers, a table of curves, what is doubtful, the verdict.
 
 use super::{Row, rounded, rows};
-use crate::analysis::compare::{Comparison, Distance, Margin, SetFigure, Verdict};
+use crate::analysis::compare::{Comparison, Margin, SetFigure, Verdict};
 
 /// Renders a comparison as text.
 #[must_use]
@@ -63,19 +63,16 @@ fn curves(comparison: &Comparison) -> Vec<Vec<String>> {
     let mut cells = vec![header.map(str::to_owned).to_vec()];
     for curve in &comparison.curves {
         let row = Row::Curve(curve);
-        let place = match (curve.distance, curve.largest_at) {
-            (_, None) => String::new(),
-            (Distance::LargestDifference | Distance::KolmogorovSmirnov, Some(at)) => {
-                let extent = curve.grid.last().unwrap_or(&at) - curve.grid.first().unwrap_or(&at);
-                format!(" at {} {}", rounded(at, 0.01 * extent.abs()), curve.x.unit)
-            }
-        };
+        let place = curve.largest_at.map_or_else(String::new, |at| {
+            let extent = curve.grid.last().unwrap_or(&at) - curve.grid.first().unwrap_or(&at);
+            format!(" at {} {}", rounded(at, 0.01 * extent.abs()), curve.x.unit)
+        });
         cells.push(vec![
             curve.name.clone(),
             unit(row),
             difference(row) + &place,
             interval(row),
-            curve.noise_95.map_or_else(dash, |noise| rounded(noise, scale(row))),
+            curve.noise_95.map_or_else(dash, |noise| rounded(noise, row.scale())),
             margin(row),
             row.words(),
         ]);
@@ -92,17 +89,13 @@ fn unit(row: Row) -> String {
     if unit.is_empty() { dash() } else { unit.to_owned() }
 }
 
-/// What decides how many digits of a difference mean something.
-fn scale(row: Row) -> f64 {
-    let half = row.interval().map(|[low, high]| 0.5 * (high - low)).filter(|half| *half > 0.0);
-    half.or(row.margin().filter(|margin| *margin > 0.0)).unwrap_or_else(|| row.difference().unwrap_or(0.0).abs())
-}
-
 fn figure(figure: Option<&SetFigure>) -> String {
     let Some(figure) = figure else { return dash() };
     match figure.standard_deviation {
         Some(deviation) if deviation > 0.0 => {
-            format!("{} \u{b1} {}", rounded(figure.mean, deviation), rounded(deviation, deviation))
+            // Nobody reads a seventh digit, however little it scatters.
+            let scale = deviation.max(1e-4 * figure.mean.abs());
+            format!("{} \u{b1} {}", rounded(figure.mean, scale), rounded(deviation, deviation))
         }
         _ => plain(figure.mean),
     }
@@ -114,17 +107,19 @@ fn plain(value: f64) -> String {
 }
 
 fn difference(row: Row) -> String {
-    row.difference().map_or_else(dash, |difference| rounded(difference, scale(row)))
+    row.difference().map_or_else(dash, |difference| rounded(difference, row.scale()))
 }
 
 fn interval(row: Row) -> String {
-    let shown = |[low, high]: [f64; 2]| format!("{} to {}", rounded(low, scale(row)), rounded(high, scale(row)));
+    let shown = |[low, high]: [f64; 2]| format!("{} to {}", rounded(low, row.scale()), rounded(high, row.scale()));
     row.interval().map_or_else(dash, shown)
 }
 
 fn margin(row: Row) -> String {
     let Some(margin) = row.margin() else { return dash() };
-    let absolute = format!("\u{b1} {}", rounded(margin, 0.1 * margin));
+    // A distance has no sign.
+    let sign = if matches!(row, Row::Number(_)) { "\u{b1} " } else { "" };
+    let absolute = format!("{sign}{}", rounded(margin, margin));
     match row.margin_asked() {
         Margin::Relative(share) => format!("{absolute} ({} %)", (1e6 * share).round() / 1e4),
         Margin::Absolute(_) => absolute,
