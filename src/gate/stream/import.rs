@@ -15,10 +15,10 @@ use std::io::Read;
 use std::path::Path;
 
 /// Columns that every table has.
-pub const NEEDED: [&str; 8] =
-    ["time_s", "x_m", "y_m", "z_m", "vx_m_per_s", "vy_m_per_s", "vz_m_per_s", "radius_m"];
+pub const NEEDED: [&str; 8] = ["time_s", "x_m", "y_m", "z_m", "vx_m_per_s", "vy_m_per_s", "vz_m_per_s", "radius_m"];
 /// Columns that are read where a table has them; without spin a particle does not turn.
-pub const FURTHER: [&str; 6] = ["spin_x_rad_per_s", "spin_y_rad_per_s", "spin_z_rad_per_s", "density_kg_per_m3", "material", "id"];
+pub const FURTHER: [&str; 6] =
+    ["spin_x_rad_per_s", "spin_y_rad_per_s", "spin_z_rad_per_s", "density_kg_per_m3", "material", "id"];
 
 /// Something in the table that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,7 +34,11 @@ pub struct Fault {
 impl std::fmt::Display for Fault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { line, column, what } = self;
-        if column.is_empty() { write!(f, "line {line}: {what}") } else { write!(f, "line {line}, column {column}: {what}") }
+        if column.is_empty() {
+            write!(f, "line {line}: {what}")
+        } else {
+            write!(f, "line {line}, column {column}: {what}")
+        }
     }
 }
 
@@ -72,7 +76,8 @@ pub struct Imported {
 /// # Errors
 /// With everything that is wrong in the table, or when the stream cannot be written.
 pub fn import(table: impl Read, origin: Origin, place: &Path) -> Result<Imported, ImportError> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).flexible(true).from_reader(table);
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).flexible(true).from_reader(table);
     let header = reader.headers().map_err(|error| ImportError::Table(vec![of_csv(&error)]))?.clone();
     let layout = Layout::read(&header).map_err(ImportError::Table)?;
     let (mut crossings, mut faults) = (Vec::new(), Vec::new());
@@ -212,8 +217,16 @@ impl Row<'_> {
         let (position, velocity) = (fall.position, fall.velocity);
         let state = ParticleState { id, material, radius, density, position, velocity, spin: passage.spin };
         let (force, torque) = (Vec3::zeros(), Vec3::zeros());
-        let crossing =
-            Crossing { step: step as u64, state, force, torque, passage, contacts: vec![], path: vec![], path_start: 0 };
+        let crossing = Crossing {
+            step: step as u64,
+            state,
+            force,
+            torque,
+            passage,
+            contacts: vec![],
+            path: vec![],
+            path_start: 0,
+        };
         Some((crossing, way))
     }
 
@@ -229,7 +242,9 @@ impl Row<'_> {
     fn density(&mut self, origin: &Origin, material: Option<u16>) -> Option<f64> {
         let density = match self.layout.further[DENSITY].filter(|_| self.further(DENSITY).is_some()) {
             Some(place) => self.number("density_kg_per_m3", place)?,
-            None => origin.materials.get(usize::from(material?)).and_then(|material| material.density).unwrap_or(f64::NAN),
+            None => {
+                origin.materials.get(usize::from(material?)).and_then(|material| material.density).unwrap_or(f64::NAN)
+            }
         };
         if density > 0.0 {
             return Some(density);
@@ -253,7 +268,10 @@ impl Row<'_> {
         let plane = &origin.plane;
         let (distance, speed) = (plane.distance(&passage.position), passage.velocity.dot(&plane.normal));
         if speed <= 0.0 {
-            self.fault("", format!("it does not move in the direction of passage: {speed} m/s along the plane's normal"));
+            self.fault(
+                "",
+                format!("it does not move in the direction of passage: {speed} m/s along the plane's normal"),
+            );
             return None;
         }
         if distance.abs() <= ON_PLANE * radius {
@@ -324,7 +342,8 @@ mod tests {
     #[test]
     fn a_row_on_the_plane_keeps_its_digits_and_falls_to_the_next_step() {
         let (time, z, speed) = (0.123_456_7, 0.2, -0.7);
-        let table = format!("{HEADER},spin_y_rad_per_s,weather\n{time},0.001,0.002,{z},0.1,0,{speed},0.0015,4.5,fine\n");
+        let table =
+            format!("{HEADER},spin_y_rad_per_s,weather\n{time},0.001,0.002,{z},0.1,0,{speed},0.0015,4.5,fine\n");
         let (result, crossings) = imported(&table);
         let result = result.unwrap();
         assert_eq!((result.ignored, result.moved), (vec!["weather".to_owned()], 0));

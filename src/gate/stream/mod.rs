@@ -10,6 +10,7 @@ mod check;
 pub mod columns;
 pub mod format;
 mod identities;
+pub mod import;
 pub mod reader;
 pub mod survey;
 pub mod transform;
