@@ -375,6 +375,12 @@ mod tests {
     }
 
     #[test]
+    fn rows_take_the_bytes_that_the_columns_say() {
+        // Documented with the format.
+        assert_eq!(row_bytes(), (258, 165, 120));
+    }
+
+    #[test]
     fn an_empty_stream_is_surveyed() {
         let folder = tempfile::tempdir().unwrap();
         let place = folder.path().join("outlet");
