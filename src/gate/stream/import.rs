@@ -209,7 +209,7 @@ impl Row<'_> {
         let passage = Passage { time, position: vec3(x, y, z), velocity: vec3(vx, vy, vz), spin: Vec3::from(spin) };
         let (passage, way) = self.onto_plane(origin, passage, radius)?;
         let step = (passage.time / origin.timestep).ceil();
-        if step < 0.0 || step >= MOST_STEPS {
+        if !(0.0..MOST_STEPS).contains(&step) {
             self.fault("time_s", format!("{} s is no time of a run with steps of {} s", passage.time, origin.timestep));
             return None;
         }

@@ -312,3 +312,81 @@ fn quality_rows(value: &serde_json::Value, name: &str, row: &mut dyn FnMut(&str,
         other => row("recorded", format!("{name}: {}", other.as_str().map_or(other.to_string(), str::to_owned))),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample;
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn ranks_of_a_hundred_numbers() {
+        let mut values = Thinned::new();
+        (1..=100).rev().for_each(|number| values.push(f64::from(number)));
+        let spread = values.spread();
+        assert_eq!(spread, Spread { minimum: 1.0, p1: 1.0, p10: 10.0, p50: 50.0, p90: 90.0, maximum: 100.0 });
+        assert_eq!(Thinned::new().spread(), Spread::default());
+    }
+
+    #[test]
+    fn a_thinned_series_keeps_its_ranks() {
+        let mut values = Thinned::new();
+        let count = 5 * Thinned::LIMIT as u64;
+        (0..count).for_each(|number| values.push(number as f64));
+        assert!(values.values.len() < Thinned::LIMIT);
+        let spread = values.spread();
+        assert_eq!((spread.minimum, spread.maximum), (0.0, (count - 1) as f64));
+        // Every eighth value is left, so a rank is met within eight.
+        assert!((spread.p50 - 0.5 * count as f64).abs() <= 8.0);
+        assert!((spread.p90 - 0.9 * count as f64).abs() <= 8.0);
+    }
+
+    #[test]
+    fn a_survey_adds_up_and_speaks_of_the_whole_stream() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("outlet");
+        let count = 9000;
+        let manifest = sample::write(&place, count);
+        let survey = survey(&StreamReader::open(&place).unwrap(), |_| {}).unwrap();
+        let all: Vec<Crossing> = (0..count).map(sample::crossing).collect();
+        let share = |holds: &dyn Fn(&Crossing) -> bool| all.iter().filter(|c| holds(c)).count() as f64 / count as f64;
+        assert_eq!(survey.contact_share, Some(share(&|crossing| !crossing.contacts.is_empty())));
+        let limit = (2.0 * 9.81 * 0.006_f64).sqrt();
+        assert_eq!(survey.slow_share, share(&|crossing| crossing.passage.velocity.z.abs() < limit));
+        // Tenths of the time have a tenth of the flow each: their mean is the flow; the sum is made in another order.
+        let mean = survey.mass_flow_by_tenths_kg_per_s.iter().sum::<f64>() / 10.0;
+        assert!((mean / survey.mass_flow_kg_per_s.unwrap() - 1.0).abs() < 1e-12);
+        let mut speeds: Vec<f64> = all.iter().map(|crossing| -crossing.passage.velocity.z).collect();
+        speeds.sort_by(f64::total_cmp);
+        assert_eq!(survey.normal_speed_m_per_s.p10, speeds[count as usize / 10 - 1]);
+        // What is not columns in the files are their headers.
+        let Bytes { crossings, contacts, paths, files } = survey.bytes;
+        let on_disk: u64 =
+            manifest.chunks.iter().map(|chunk| fs::metadata(place.join(&chunk.file)).unwrap().len()).sum();
+        assert_eq!(files, on_disk);
+        let headers = files - crossings - contacts - paths;
+        assert!((1..20_000 * survey.chunks).contains(&headers), "{headers}");
+        let text = survey.to_text();
+        for words in
+            ["gate \"outlet\"", "9000, ", "\"lid\" disappeared", "contact_share: 0.31", "advice: L2", "in 2 files"]
+        {
+            assert!(text.contains(words), "{words}\n{text}");
+        }
+    }
+
+    #[test]
+    fn rows_take_the_bytes_that_the_columns_say() {
+        // Documented with the format.
+        assert_eq!(row_bytes(), (258, 165, 120));
+    }
+
+    #[test]
+    fn an_empty_stream_is_surveyed() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("outlet");
+        sample::write(&place, 0);
+        let survey = survey(&StreamReader::open(&place).unwrap(), |_| {}).unwrap();
+        assert_eq!((survey.contact_share, survey.mass_flow_kg_per_s, survey.slow_share), (None, None, 0.0));
+        assert!(!survey.to_text().contains("NaN") && !survey.to_text().contains("inf"), "{}", survey.to_text());
+    }
+}
