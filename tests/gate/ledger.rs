@@ -64,7 +64,7 @@ fn accounts_close_in_the_modes_of_the_patent() {
         ["--set", "gate.outlet.exclusion.mode=constant", "--set", "stage.heap.replay.outlet.path=constant"];
     // In the free jet: inside the outlet such ghosts are no model of the flow.
     let below = ["--set", "gate.outlet.point_mm=[0, 0, 188]"];
-    closes(&[constant, below].concat(), "constant");
+    closes(&[&constant[..], &below[..]].concat(), "constant");
 }
 
 #[test]
