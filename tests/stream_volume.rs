@@ -2,6 +2,7 @@
 //!
 //! Not part of the ordinary suite, because it measures: `cargo test --release --test stream_volume -- --ignored --nocapture`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stderr, reason = "the figures are what is wanted")]
 
 use std::fs;
 use std::hint::black_box;
@@ -84,7 +85,7 @@ fn crossing(serial: u64) -> Crossing {
     }
 }
 
-/// A figure of the process in kB of the system's table, where it has one.
+/// Peak resident memory of this process [bytes], where the system tells.
 fn peak_memory() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -34,6 +34,13 @@ enum Verb {
     /// Write a stream as tables or as points for ParaView
     Export(ExportArguments),
     /// Make a stream of a table of passages that any other code has written
+    ///
+    /// The table needs the columns time_s, x_m, y_m, z_m, vx_m_per_s, vy_m_per_s, vz_m_per_s, radius_m. It may have
+    /// spin_x_rad_per_s, spin_y_rad_per_s, spin_z_rad_per_s (else particles do not turn), density_kg_per_m3, material (else the
+    /// first one given) and id (else the row's number). Other columns are ignored. Rows may come in any order.
+    ///
+    /// A row is the passage of a centre through the plane. One that lies up to a radius off the plane is moved onto it in free
+    /// fall, in time and place. There are no contacts and no paths; all that is wrong in the table is listed at once.
     Import(ImportArguments),
     /// Write a moved copy of a stream: mirrored first, then rotated, then moved
     Transform(TransformArguments),
@@ -69,12 +76,6 @@ struct ExportArguments {
     vtp: Option<PathBuf>,
 }
 
-/// The table needs the columns time_s, x_m, y_m, z_m, vx_m_per_s, vy_m_per_s, vz_m_per_s, radius_m. It may have
-/// spin_x_rad_per_s, spin_y_rad_per_s, spin_z_rad_per_s (else particles do not turn), density_kg_per_m3, material (else the
-/// first one given) and id (else the row's number). Other columns are ignored. Rows may come in any order.
-///
-/// A row is the passage of a centre through the plane. One that lies up to a radius off the plane is moved onto it in free
-/// fall, in time and place. There are no contacts and no paths; all that is wrong in the table is listed at once.
 #[derive(Debug, Args)]
 struct ImportArguments {
     /// Folder of the new stream

@@ -18,7 +18,7 @@ use crate::gate::ledger::{ArrivalBook, ArrivalReport, Exception, Histories};
 use crate::gate::quality::{BackedUp, Quality, judge};
 use crate::gate::record::RecordTally;
 use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
-use crate::gate::stream::format::{Counts, Manifest};
+use crate::gate::stream::format::{Counts, Manifest, StoredEvent};
 use crate::gate::stream::reader::StreamReader;
 use crate::gate::stream::transform::Placement;
 use crate::geometry::plane::GatePlane;
@@ -65,6 +65,7 @@ pub struct Arrivals {
     replay: Replay,
     replayer: Replayer,
     counts: Counts,
+    events: Vec<StoredEvent>,
     plane: GatePlane,
     /// For each part of the stream its number here.
     parts: Vec<Option<u16>>,
@@ -125,6 +126,7 @@ impl Arrivals {
             replay: order.replay.clone(),
             replayer,
             counts: manifest.counts,
+            events: manifest.events.clone(),
             plane,
             parts: manifest.origin.part_names.iter().map(own_part).collect(),
             due: Due::default(),
@@ -184,6 +186,11 @@ impl Arrivals {
     /// Where a ghost of this stream is at `step`.
     pub fn motion(&self, id: ParticleId, step: u64) -> Option<PrescribedMotion> {
         self.replayer.motion(id, step).map(prescribed)
+    }
+
+    /// What the stream tells of parts upstream.
+    pub fn events(&self) -> &[StoredEvent] {
+        &self.events
     }
 
     /// True once everything has arrived.

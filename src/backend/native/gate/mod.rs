@@ -11,6 +11,7 @@ use super::{Kick, Request};
 use crate::backend::BackendError;
 use crate::dem::simulation::Simulation;
 use crate::gate::ledger::{EnergyAccount, MomentumAccount};
+use crate::gate::stream::format::StoredEvent;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::scene::gate::Replay;
@@ -120,7 +121,9 @@ impl HandOver {
 
     /// Finishes the streams of a run that came to its end by itself; of another one they stay unfinished.
     pub fn finish(self, simulation: &Simulation, ended: bool) -> Result<GateResults, BackendError> {
-        let recorded = self.recordings.into_iter().map(|recording| recording.finish(simulation, ended));
+        // What happened to parts that this stage does not have may matter to the next one.
+        let upstream: Vec<StoredEvent> = self.arrivals.iter().flat_map(Arrivals::events).cloned().collect();
+        let recorded = self.recordings.into_iter().map(|recording| recording.finish(simulation, &upstream, ended));
         let recorded = recorded.collect::<Result<_, _>>()?;
         let replayed = self.arrivals.into_iter().map(Arrivals::finish);
         let replayed = replayed.collect::<Result<_, _>>()?;

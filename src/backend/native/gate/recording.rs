@@ -24,6 +24,10 @@ use crate::storage::columns::{ColumnReader, ColumnWriter, read_all};
 use serde_json::json;
 use std::fs;
 
+/// Paths are stored from so many largest diameters farther upstream than asked for: a ghost enters up to
+/// [`crate::gate::HAND_OVER_STEPS`] before it reaches the generation plane.
+const ENTRY_MARGIN: f64 = 0.25;
+
 /// A stream that a stage has recorded.
 #[derive(Debug, Clone)]
 pub struct RecordResult {
@@ -62,7 +66,11 @@ impl Recording {
         let gate = order.gate.clone();
         let role = if order.observes { Role::Observe } else { Role::HandOver };
         let timestep = simulation.setup().timestep;
-        let mut recorder = Recorder::new(&gate, role, scene.gravity, timestep, scene.largest_diameter());
+        let mut watched = gate.clone();
+        if let Some(paths) = &mut watched.paths {
+            paths.length += ENTRY_MARGIN * scene.largest_diameter();
+        }
+        let mut recorder = Recorder::new(&watched, role, scene.gravity, timestep, scene.largest_diameter());
         // The generation zone is the replay's; the path's length, or else that of the exclusion zone, stands for it.
         let length = gate.paths.map_or(gate.exclusion.length, |paths| paths.length);
         let mut statistics = CrossingStatistics::new(gate.plane.normal, &scene.gravity, scene.body, length);
@@ -150,7 +158,12 @@ impl Recording {
     }
 
     /// Closes the stream of a run that came to its end; an interrupted one goes on later.
-    pub fn finish(self, simulation: &Simulation, ended: bool) -> Result<RecordResult, BackendError> {
+    pub fn finish(
+        self,
+        simulation: &Simulation,
+        upstream: &[StoredEvent],
+        ended: bool,
+    ) -> Result<RecordResult, BackendError> {
         let tally = self.recorder.tally();
         let parts = &simulation.setup().parts;
         let events = simulation.part_events().iter().map(|event| StoredEvent {
@@ -158,9 +171,12 @@ impl Recording {
             present: event.present,
             time: event.time,
         });
+        let mut events: Vec<StoredEvent> = events.collect();
+        events.extend(upstream.iter().filter(|event| parts.iter().all(|part| part.name != event.part)).cloned());
+        events.sort_by(|a, b| a.time.total_cmp(&b.time));
         let crossings = self.statistics.figures();
         let quality = json!({"recorded": tally, "crossings": crossings, "free_flow": tally.free_flow});
-        let closing = Closing { events: events.collect(), quality };
+        let closing = Closing { events, quality };
         let manifest = if ended { Some(self.writer.finish(closing)?) } else { None };
         Ok(RecordResult { gate: self.gate, observed: self.observes, tally, crossings, manifest })
     }
