@@ -254,7 +254,8 @@ pub fn assert_same(one: &BTreeMap<String, Vec<u8>>, other: &BTreeMap<String, Vec
         }
         let (a, b) = (String::from_utf8_lossy(bytes), String::from_utf8_lossy(&other[name]));
         let line = a.lines().zip(b.lines()).position(|(a, b)| a != b);
-        let shown = |text: &str| text.lines().nth(line.unwrap_or(0)).unwrap_or_default().chars().take(200).collect::<String>();
+        let shown =
+            |text: &str| text.lines().nth(line.unwrap_or(0)).unwrap_or_default().chars().take(200).collect::<String>();
         panic!("{name} differs, first in line {line:?}:\n{}\n{}", shown(&a), shown(&b));
     }
 }
@@ -400,7 +401,11 @@ impl Frames {
 
     /// Place of particle `id` at time step `step`.
     pub fn row(&self, step: u64, id: u64) -> &Row {
-        self.0.get(&step).unwrap_or_else(|| panic!("no frame {step}")).get(&id).unwrap_or_else(|| panic!("no {id} at {step}"))
+        self.0
+            .get(&step)
+            .unwrap_or_else(|| panic!("no frame {step}"))
+            .get(&id)
+            .unwrap_or_else(|| panic!("no {id} at {step}"))
     }
 
     pub fn last(&self) -> (&u64, &BTreeMap<u64, Row>) {

@@ -24,7 +24,11 @@ fn closes(settings: &[&str], path: &str) {
     assert!(count > 60, "{stream:#}");
     if path == "compliant" {
         let arrivals = &replayed["arrivals"];
-        assert_eq!((&arrivals["each_once"], &arrivals["arrived"]["count"]), (&true.into(), &count.into()), "{arrivals:#}");
+        assert_eq!(
+            (&arrivals["each_once"], &arrivals["arrived"]["count"]),
+            (&true.into(), &count.into()),
+            "{arrivals:#}"
+        );
         assert!(number(&arrivals["largest_deviation_m"]) > 0.0, "{arrivals:#}");
     } else {
         assert_faultless(replayed, count);
@@ -60,8 +64,7 @@ fn accounts_close_on_recorded_paths() {
 
 #[test]
 fn accounts_close_in_the_modes_of_the_patent() {
-    let constant =
-        ["--set", "gate.outlet.exclusion.mode=constant", "--set", "stage.heap.replay.outlet.path=constant"];
+    let constant = ["--set", "gate.outlet.exclusion.mode=constant", "--set", "stage.heap.replay.outlet.path=constant"];
     // In the free jet: inside the outlet such ghosts are no model of the flow.
     let below = ["--set", "gate.outlet.point_mm=[0, 0, 188]"];
     closes(&[&constant[..], &below[..]].concat(), "constant");
@@ -69,6 +72,15 @@ fn accounts_close_in_the_modes_of_the_patent() {
 
 #[test]
 fn accounts_close_with_ghosts_that_yield() {
-    closes(&["--set", "stage.heap.replay.outlet.path=compliant", "--set", "stage.heap.replay.outlet.length_mm=8",
-        "--set", "gate.outlet.paths.length_mm=8"], "compliant");
+    closes(
+        &[
+            "--set",
+            "stage.heap.replay.outlet.path=compliant",
+            "--set",
+            "stage.heap.replay.outlet.length_mm=8",
+            "--set",
+            "gate.outlet.paths.length_mm=8",
+        ],
+        "compliant",
+    );
 }

@@ -66,7 +66,8 @@ fn falls_as_expected(frames: &Frames, expected: &[Passage], plane: f64) -> Vec<u
             assert!(beyond.remove(id), "two are at {place:?}");
             seen[index] += 1;
         }
-        let early = |id: &u64| expected.iter().zip(&ids).any(|(p, own)| own.is_none_or(|own| own == *id) && time < p.time + DT);
+        let early =
+            |id: &u64| expected.iter().zip(&ids).any(|(p, own)| own.is_none_or(|own| own == *id) && time < p.time + DT);
         beyond.retain(|id| !early(id));
         assert!(beyond.is_empty(), "not expected at {time} s: {beyond:?}");
     }
@@ -186,7 +187,8 @@ fn a_branch_gives_each_stage_all_of_the_stream() {
 fn a_merge_brings_two_streams_and_a_feed_together() {
     let bench = Bench::new();
     let all = drops();
-    let high: Vec<Drop> = all[3..].iter().map(|d| Drop { place: [d.place[0], d.place[1], d.place[2] + 30.0], ..*d }).collect();
+    let high: Vec<Drop> =
+        all[3..].iter().map(|d| Drop { place: [d.place[0], d.place[1], d.place[2] + 30.0], ..*d }).collect();
     let own = [Drop::new([90.0, 90.0, 60.0], [0.0, 0.0, 0.5])];
     let feeds = [bench.drops("left", &all[..3]), bench.drops("right", &high), bench.drops("own", &own)].concat();
     let stages = "[[stage]]\nname = \"one\"\nparts = []\nfeeds = [\"left\"]\nrecords = [\"a\"]\n\
@@ -383,7 +385,10 @@ fn a_stored_stream_is_replayed_with_another_time_step() {
                 let later = time(*step) - p.time;
                 let (place, _) = p.later(later);
                 if later > 8e-6 && place[2] > 5e-3 {
-                    assert!(frame.values().any(|row| near(row.place, place, 1e-11)), "{path}: nobody at {place:?}: {frame:?}");
+                    assert!(
+                        frame.values().any(|row| near(row.place, place, 1e-11)),
+                        "{path}: nobody at {place:?}: {frame:?}"
+                    );
                     seen += 1;
                 }
             }
