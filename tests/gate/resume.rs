@@ -166,7 +166,8 @@ fn what_is_done_is_not_computed_again() {
     assert!(again.err.contains("was done before; nothing was computed"), "{again:?}");
     // A comment, and another name of the file.
     let text = bench.text("scene.toml");
-    fs::write(bench.path("scene.toml"), format!("# Changed.\n{}", text.replace("\n[end]", "\n# When it ends.\n[end]"))).unwrap();
+    fs::write(bench.path("scene.toml"), format!("# Changed.\n{}", text.replace("\n[end]", "\n# When it ends.\n[end]")))
+        .unwrap();
     let again = bench.tollgate(&arguments("a", &["--resume"]));
     assert!(again.code == 0 && again.err.contains("nothing was computed"), "{again:?}");
     // Only one stage, which is done.
