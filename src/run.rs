@@ -164,29 +164,53 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
     let key = StageKey::of_run(&scene, request.whole, request.perturb.map(|length| (length, draw)));
     let claim = if request.stages.is_empty() { Claim::new(request.resume) } else { Claim::Part };
     let folder = RunFolder::claim(out, &key, claim)?;
-    let mut outcomes: Vec<Option<StageOutcome>> = Vec::new();
-    for (index, job) in jobs.iter().enumerate() {
-        let place = stage_folder(out, &job.name);
-        outcomes.push(if chosen.contains(&index) {
-            let inputs = streams::inputs(&scene, &jobs, index, &outcomes, out, request.accept_stream)?;
-            Some(stage::run(&order, job, &place, &inputs)?)
-        } else {
-            stage::found(&job.name, &place)?
-        });
-        if outcomes[index].as_ref().is_some_and(|outcome| outcome.summary.outcome.exit_code != exit_code::DONE) {
-            break;
-        }
-    }
-    let outcomes: Vec<StageOutcome> = outcomes.into_iter().flatten().collect();
+    let (outcomes, failure) = run_stages(&order, &scene, &jobs, &chosen, out)?;
     let summary = summary::of_stages(&order, &scene, &jobs, &outcomes);
-    picture::draw_stages(&scene, &jobs, &outcomes, &summary, out)?;
     summary.write(&folder.summary_path())?;
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    picture::draw_stages(&scene, &jobs, &outcomes, &summary, out)?;
     Ok(RunReport {
         folder: out.to_path_buf(),
         was_done: outcomes.iter().all(|outcome| outcome.was_done),
         timing: outcomes.iter().map(|outcome| outcome.timing.as_str()).collect(),
         summary,
     })
+}
+
+/// Runs the chosen stages, upstream first, up to the first that does not come to its end; with what stopped that one.
+fn run_stages(
+    order: &StageOrder,
+    scene: &Scene,
+    jobs: &[StageJob],
+    chosen: &[usize],
+    out: &Path,
+) -> Result<(Vec<StageOutcome>, Option<RunError>), RunError> {
+    let mut outcomes: Vec<Option<StageOutcome>> = Vec::new();
+    let mut failure = None;
+    for (index, job) in jobs.iter().enumerate() {
+        let place = stage_folder(out, &job.name);
+        outcomes.push(if chosen.contains(&index) {
+            let inputs = streams::inputs(scene, jobs, index, &outcomes, out, order.request.accept_stream)?;
+            match stage::run(order, job, &place, &inputs) {
+                Ok(outcome) => Some(outcome),
+                // What the stages before it brought is told with what went wrong.
+                Err(error @ RunError::Backend(_)) => {
+                    failure = Some(error);
+                    stage::found(&job.name, &place)?
+                }
+                Err(error) => return Err(error),
+            }
+        } else {
+            stage::found(&job.name, &place)?
+        });
+        let ended = outcomes[index].as_ref().map(|outcome| outcome.summary.outcome.exit_code);
+        if failure.is_some() || ended.is_some_and(|code| code != exit_code::DONE) {
+            break;
+        }
+    }
+    Ok((outcomes.into_iter().flatten().collect(), failure))
 }
 
 /// The kick of replicate number `draw`.

@@ -2,6 +2,7 @@
 
 use super::Schedule;
 use crate::dem::inspect::{ContactRecord, Partner};
+use crate::dem::particles::Path as Motion;
 use crate::dem::simulation::Simulation;
 use crate::geometry::frustum::Frustum;
 use crate::geometry::part::{Part, Surface, TriangleMesh};
@@ -111,7 +112,9 @@ impl FrameOutput {
             });
             self.folder.join("frames").join(file)
         };
-        write_particles(&add("particles", "particles"), time, particles, &[], Precision::Single)?;
+        let ghosts = ghost_column(simulation, particles);
+        let columns: Vec<(&str, Column)> = ghosts.iter().map(|ghosts| ("ghost", Column::from(ghosts))).collect();
+        write_particles(&add("particles", "particles"), time, particles, &columns, Precision::Single)?;
         for (index, (part, mesh)) in scene.parts.iter().zip(&self.meshes).enumerate() {
             let Some(mesh) = mesh.as_ref().filter(|_| simulation.is_present(index as u16)) else { continue };
             let pose = part.motion.pose(time);
@@ -138,6 +141,15 @@ impl FrameOutput {
         }
         Ok(entries)
     }
+}
+
+/// How each particle moves, where there is a gate: 0 by the forces on it, 1 on a prescribed path, 2 tethered to one.
+fn ghost_column(simulation: &Simulation, particles: &[ParticleState]) -> Option<Vec<u8>> {
+    simulation.setup().momentum.then(|| {
+        let number = |path: Motion| if path.is_prescribed() { 1 } else { 2 * u8::from(path == Motion::Tethered) };
+        let paths: HashMap<ParticleId, u8> = simulation.views().map(|view| (view.id, number(view.path))).collect();
+        particles.iter().map(|particle| paths[&particle.id]).collect()
+    })
 }
 
 /// Removes the frames of an earlier attempt at the same run that are later than `kept`, finished or not.
