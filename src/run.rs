@@ -179,6 +179,7 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
     }
     let outcomes: Vec<StageOutcome> = outcomes.into_iter().flatten().collect();
     let summary = summary::of_stages(&order, &scene, &jobs, &outcomes);
+    picture::draw_stages(&scene, &jobs, &outcomes, &summary, out)?;
     summary.write(&folder.summary_path())?;
     Ok(RunReport {
         folder: out.to_path_buf(),

@@ -213,22 +213,105 @@ fn the_page_of_formats_knows_everything_that_is_written() {
                   --set end.at_rest.hold='1 ms' --set output.series='2 ms' \
                   --set 'output.formats=[\"vtp\", \"lammps\"]' --set output.contacts=true --set output.energy=true";
     run_script(script, folder.path()).unwrap();
-    let out = folder.path().join("out");
+    judge_names(written(&folder.path().join("out")));
+}
+
+fn judge_names(names: BTreeSet<String>) {
     let page = fs::read_to_string(root().join("docs/formats.md")).unwrap();
     let known: BTreeSet<&str> =
         Regex::new("`([^`\n]+)`").unwrap().captures_iter(&page).map(|c| c.get(1).unwrap().as_str()).collect();
-    let unknown: Vec<String> = written(&out).into_iter().filter(|name| !known.contains(name.as_str())).collect();
+    let unknown: Vec<String> = names.into_iter().filter(|name| !known.contains(name.as_str())).collect();
     assert!(unknown.is_empty(), "docs/formats.md does not explain {unknown:?}");
+}
+
+/// The same of a scene that is cut: folders of stages and streams, gates with their ledgers and accounts, load, replicates.
+#[test]
+fn the_page_of_formats_knows_everything_about_gates() {
+    const CUT: &str = "[[gate]]\nname = \"middle\"\npoint_mm = [0, 0, 60]\nnormal = [0, 0, -1]\n\
+                       [[stage]]\nname = \"upper\"\nrecords = [\"middle\"]\n\
+                       [[stage]]\nname = \"lower\"\n[[stage.replay]]\ngate = \"middle\"\n";
+    let folder = tempfile::tempdir().unwrap();
+    run_script("tollgate init box", folder.path()).unwrap();
+    let scene = folder.path().join("box/scene.toml");
+    fs::write(&scene, fs::read_to_string(&scene).unwrap() + CUT).unwrap();
+    // From 10 to 60 mm above the gate: all fall through it within 0.11 s.
+    let script = "tollgate run box --out out --replicates 2 --set end.time='0.12 s' --set feed.fill.amount=60 \
+                  --set feed.fill.region.min_mm=[-50,-50,70]";
+    run_script(script, folder.path()).unwrap();
+    let out = folder.path().join("out");
+    let all = json(&out.join("summary.json"));
+    let figure = all["replicates"].as_object().unwrap().values().next().unwrap();
+    let mut names: BTreeSet<String> = figure.as_object().unwrap().keys().cloned().collect();
+    let one = out.join("replicates/001");
+    names.extend(files_of_stages(&one));
+    let summary = json(&one.join("summary.json"));
+    for part in ["gates", "load"] {
+        fields_below(&summary[part], &mut names);
+    }
+    let manifest = json(&one.join("stages/upper/streams/middle/manifest.json"));
+    for part in [&manifest, &manifest["origin"], &manifest["counts"], &manifest["chunks"][0]] {
+        names.extend(part.as_object().unwrap().keys().cloned());
+    }
+    let replayed = &summary["gates"][0]["replayed"][0];
+    assert_eq!(replayed["arrivals"]["arrived"]["count"], 60, "{summary:#}");
+    assert!(replayed["energy"]["entries"][0].is_object() && names.contains("sums_exact") && names.contains("ratio"));
+    judge_names(names);
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// Names of all fields at any depth.
+fn fields_below(value: &serde_json::Value, names: &mut BTreeSet<String>) {
+    for (name, value) in value.as_object().into_iter().flatten() {
+        names.insert(name.clone());
+        fields_below(value, names);
+    }
+    value.as_array().into_iter().flatten().for_each(|value| fields_below(value, names));
+}
+
+/// Names of all files below a result of several stages, as the page of formats spells them, and the folders they are in.
+fn files_of_stages(out: &Path) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    let mut folders = vec![out.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if entry.is_dir() {
+                folders.push(entry);
+                continue;
+            }
+            let below = entry.strip_prefix(out).unwrap().to_str().unwrap();
+            let stage = Regex::new("^stages/[^/]+/").unwrap();
+            let stream = Regex::new("^stages/STAGE/streams/[^/]+/").unwrap();
+            let named = stage.replace(below, "stages/STAGE/");
+            let named = stream.replace(&named, "stages/STAGE/streams/GATE/").into_owned();
+            let (place, file) = ["stages/STAGE/streams/GATE/", "stages/STAGE/", ""]
+                .into_iter()
+                .find_map(|place| Some((place, named.strip_prefix(place)?)))
+                .unwrap();
+            names.insert(plain(file));
+            names.extend((!place.is_empty()).then(|| place.to_owned()));
+        }
+    }
+    names
+}
+
+/// The name of a file or a column, with what depends on the scene or the time replaced as on the page of formats.
+fn plain(name: &str) -> String {
+    let numbered = Regex::new("(^|/)0_container").unwrap().replace(name, "${1}INDEX_PART").into_owned();
+    let named = Regex::new("^container").unwrap().replace(&numbered, "PART").into_owned();
+    let chunk = Regex::new("^chunk-[0-9]+").unwrap().replace(&named, "chunk-000000").into_owned();
+    if chunk.starts_with("chunk-") {
+        chunk
+    } else {
+        Regex::new("[0-9]{6,}").unwrap().replace(&chunk, "NNNNNN").into_owned()
+    }
 }
 
 /// Names of all files, columns, arrays and fields under a result folder, as the page of formats spells them.
 fn written(out: &Path) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    let plain = |name: &str| {
-        let numbered = Regex::new("^0_container").unwrap().replace(name, "INDEX_PART").into_owned();
-        let named = Regex::new("^container").unwrap().replace(&numbered, "PART").into_owned();
-        Regex::new("[0-9]{6,}").unwrap().replace(&named, "NNNNNN").into_owned()
-    };
     for (folder, prefix) in [(out.to_path_buf(), ""), (out.join("frames"), "frames/")] {
         for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap()) {
             if entry.path().is_file() {
@@ -249,7 +332,7 @@ fn written(out: &Path) -> BTreeSet<String> {
     // VTK's own words for places and cells
     names.retain(|name| !["Points", "connectivity", "offsets"].contains(&name.as_str()));
     for file in ["summary.json", "run.json"] {
-        let value: serde_json::Value = serde_json::from_slice(&fs::read(out.join(file)).unwrap()).unwrap();
+        let value = json(&out.join(file));
         let fields = |value: &serde_json::Value| value.as_object().map(|map| map.keys().cloned().collect::<Vec<_>>());
         names.extend(fields(&value).unwrap());
         for key in ["scene", "outcome", "timing_s"] {

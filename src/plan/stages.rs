@@ -16,6 +16,56 @@ pub struct SplitPlan {
     pub stages: Vec<Plan>,
     /// What is known about each gate before it has run.
     pub gates: Vec<GateAdvice>,
+    /// What the split is expected to cost and to save.
+    pub load: LoadForecast,
+}
+
+/// Load split against unsplit in particle steps, after figure 8 of patent JP5440448B2: A X + B Y against (A + B) max(X, Y).
+/// An upper bound for every stage: particles count from their start to its end, the time before they pass a gate included.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LoadForecast {
+    /// A: of the stages that something follows, each run once (X = 1).
+    pub upstream_particle_steps: f64,
+    /// Sum of B over the stages that nothing follows (B Y).
+    pub downstream_particle_steps: f64,
+    /// Y: their number.
+    pub downstream_runs: u64,
+    /// Wall time of the split run [s]; `None` without a calibration.
+    pub split_wall_s: Option<f64>,
+    /// Wall time of the same without stored streams [s]; `None` without a calibration.
+    pub unsplit_wall_s: Option<f64>,
+}
+
+impl LoadForecast {
+    fn of(jobs: &[StageJob], plans: &[Plan]) -> Self {
+        let of = |leaf: bool| jobs.iter().zip(plans).filter(move |(job, _)| job.is_leaf == leaf).map(|(_, plan)| plan);
+        let steps = |leaf: bool| of(leaf).map(|plan| plan.cost.particle_steps).sum::<f64>();
+        let wall = |leaf: bool| of(leaf).map(|plan| plan.cost.wall_s).sum::<Option<f64>>();
+        let runs = of(true).count() as u64;
+        Self {
+            upstream_particle_steps: steps(false),
+            downstream_particle_steps: steps(true),
+            downstream_runs: runs,
+            split_wall_s: wall(false).zip(wall(true)).map(|(a, b)| a + b),
+            unsplit_wall_s: wall(false).zip(wall(true)).map(|(a, b)| a * runs as f64 + b),
+        }
+    }
+
+    fn to_text(&self) -> String {
+        let (a, b, runs) = (self.upstream_particle_steps, self.downstream_particle_steps, self.downstream_runs);
+        let mean = b / runs.max(1) as f64;
+        let mut text = format!(
+            "load, at most\n  upstream    {a:.3e} particle steps x 1\n  downstream  {mean:.3e} particle steps x {runs}\n  \
+             split       {:.3e}, unsplit {:.3e}: {:.2} times\n",
+            a + b,
+            a * runs as f64 + b,
+            (a * runs as f64 + b) / (a + b)
+        );
+        if let (Some(split), Some(unsplit)) = (self.split_wall_s, self.unsplit_wall_s) {
+            text += &format!("  wall_time   split {:.1} min, unsplit {:.1} min\n", split / 60.0, unsplit / 60.0);
+        }
+        text
+    }
 }
 
 impl SplitPlan {
@@ -24,8 +74,8 @@ impl SplitPlan {
     pub fn of(scene: &Scene, calibration: Option<Calibration>) -> Self {
         let timestep = plan(scene, None).timestep.chosen;
         let jobs = stage_jobs(scene);
-        let stages = jobs.iter().map(|job| plan_stage(scene, job, timestep, calibration)).collect();
-        Self { stages, gates: gates::advise(scene) }
+        let stages: Vec<Plan> = jobs.iter().map(|job| plan_stage(scene, job, timestep, calibration)).collect();
+        Self { load: LoadForecast::of(&jobs, &stages), stages, gates: gates::advise(scene) }
     }
 
     /// Whether a stage must not start unless it is forced.
@@ -39,6 +89,7 @@ impl SplitPlan {
     pub fn to_text(&self) -> String {
         let mut blocks: Vec<String> = self.stages.iter().map(Plan::to_text).collect();
         blocks.extend((!self.gates.is_empty()).then(|| gates::to_text(&self.gates)));
+        blocks.push(self.load.to_text());
         blocks.join("\n")
     }
 }

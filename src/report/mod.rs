@@ -4,5 +4,6 @@ pub mod colour;
 pub mod comparison;
 pub mod figure;
 pub mod outline;
+pub mod panels;
 pub mod picture;
 mod svg;

@@ -2,6 +2,7 @@
 
 use crate::geometry::motion::Pose;
 use crate::geometry::part::{Surface, TriangleMesh};
+use crate::geometry::plane::{Aperture, GatePlane};
 use crate::math::{Bounds, Vec3, vec3};
 use std::collections::BTreeMap;
 
@@ -43,6 +44,25 @@ pub fn outline(surface: &Surface, pose: &Pose, sight: &Vec3, bounds: &Bounds) ->
         Surface::Mesh(mesh) => {
             let vertices: Vec<Vec3> = mesh.vertices.iter().map(place).collect();
             mesh_outline(mesh, &vertices, sight)
+        }
+    }
+}
+
+/// Border of a gate's opening; of an unbounded one its line within `bounds` [m] where it is seen edge on, otherwise nothing.
+#[must_use]
+pub fn gate_outline(plane: &GatePlane, sight: &Vec3, bounds: &Bounds) -> Polyline {
+    let point = plane.point;
+    match plane.aperture {
+        Aperture::Unbounded => plane_line(&point, &plane.normal, sight, bounds).pop().unwrap_or_default(),
+        Aperture::Disc { radius } => {
+            let side = any_perpendicular(&plane.normal);
+            let other = plane.normal.cross(&side);
+            let angle = |n: usize| n as f64 * std::f64::consts::TAU / CIRCLE as f64;
+            (0..CIRCLE).map(|n| point + radius * (angle(n).cos() * side + angle(n).sin() * other)).collect()
+        }
+        Aperture::Rectangle { side_a, side_b } => {
+            let corner = |a: f64, b: f64| point + a * side_a + b * side_b;
+            vec![corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)]
         }
     }
 }
@@ -199,5 +219,19 @@ mod tests {
         let pose = Pose { rotation: Rotation::identity(), translation: vec3(5.0, 0.0, 0.0) };
         let drawn = outline(&cube(false), &pose, &SIDE, &WIDE);
         assert!(drawn.lines.iter().flatten().all(|p| p.x >= 5.0));
+    }
+
+    #[test]
+    fn a_gate_shows_its_opening() {
+        let normal = vec3(0.0, 0.0, -1.0);
+        let border = |aperture| gate_outline(&GatePlane { point: vec3(1.0, 0.0, 2.0), normal, aperture }, &SIDE, &WIDE);
+        let disc = border(Aperture::Disc { radius: 0.5 });
+        assert!(
+            disc.iter().all(|p| ((p - vec3(1.0, 0.0, 2.0)).norm() - 0.5).abs() < 1e-12 && (p.z - 2.0).abs() < 1e-12)
+        );
+        let rectangle = border(Aperture::Rectangle { side_a: vec3(2.0, 0.0, 0.0), side_b: vec3(0.0, 1.0, 0.0) });
+        assert_eq!(rectangle[2], vec3(2.0, 0.5, 2.0));
+        let line = border(Aperture::Unbounded);
+        assert!(line.len() == 2 && line.iter().all(|p| (p.z - 2.0).abs() < 1e-12), "{line:?}");
     }
 }

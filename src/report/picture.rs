@@ -10,8 +10,8 @@ use std::fmt::Write;
 
 /// Classes of colour.
 const CLASSES: usize = 32;
-const MARGIN: f64 = 24.0;
-const LEGEND_WIDTH: f64 = 120.0;
+pub(super) const MARGIN: f64 = 24.0;
+pub(super) const LEGEND_WIDTH: f64 = 120.0;
 /// Largest size of the scene on the page [px].
 const LARGEST: [f64; 2] = [820.0, 820.0];
 const SMALLEST_WIDTH: f64 = 320.0;
@@ -96,7 +96,7 @@ pub fn side_view(
     colour_by: ColourBy,
     annotations: &Annotations,
 ) -> String {
-    let frame = Frame::new(particles, parts, view);
+    let frame = Frame::new(&extent(particles, parts, view), view, LARGEST);
     let caption = wrapped(&annotations.caption, ((frame.width - 2.0 * MARGIN) / (0.5 * FONT_SIZE)) as usize);
     let height = frame.height + 44.0 + caption.len() as f64 * LINE_HEIGHT;
     let mut document = Document::new(frame.width, height, &annotations.title, &style());
@@ -106,9 +106,9 @@ pub fn side_view(
         number(frame.height)
     ));
     let scale = ColourScale::new(particles, colour_by);
-    draw_faces(&mut document, parts, &frame);
+    draw_faces(&mut document, "k", parts, &frame);
     draw_particles(&mut document, particles, &scale, &frame);
-    draw_lines(&mut document, parts, &frame);
+    draw_lines(&mut document, "o", parts, &frame);
     for slope in &annotations.slopes {
         draw_slope(&mut document, slope, &frame);
     }
@@ -123,7 +123,7 @@ pub fn side_view(
     document.finish()
 }
 
-fn style() -> String {
+pub(super) fn style() -> String {
     let mut style = String::from(
         ".k{fill:#e9ebee;stroke:#e9ebee;stroke-width:.6}\
          .o{fill:none;stroke:#3c434b;stroke-width:1.1;stroke-linecap:round;stroke-linejoin:round}\n\
@@ -140,37 +140,42 @@ fn style() -> String {
     style
 }
 
+/// What is to be seen: right, up and towards the viewer [m].
+pub(super) fn extent(particles: &[ParticleState], parts: &[Outline], view: &View) -> Bounds {
+    let mut extent = Bounds::EMPTY;
+    if let Some(bounds) = view.bounds {
+        for corner in 0..8usize {
+            let pick = |axis: usize| if corner >> axis & 1 == 0 { bounds.minimum[axis] } else { bounds.maximum[axis] };
+            extent.include(&seen(view, &vec3(pick(0), pick(1), pick(2))));
+        }
+        return extent;
+    }
+    for particle in particles {
+        let centre = seen(view, &particle.position);
+        extent.include(&centre.map(|c| c - particle.radius));
+        extent.include(&centre.map(|c| c + particle.radius));
+    }
+    parts.iter().flat_map(|p| p.lines.iter().flatten()).for_each(|point| extent.include(&seen(view, point)));
+    extent
+}
+
 /// From the scene to the page.
 #[derive(Debug)]
-struct Frame {
+pub(super) struct Frame {
     view: View,
     origin: [f64; 2],
     pixels_per_metre: f64,
-    width: f64,
-    height: f64,
+    pub(super) width: f64,
+    pub(super) height: f64,
 }
 
 impl Frame {
-    fn new(particles: &[ParticleState], parts: &[Outline], view: &View) -> Self {
-        let mut extent = Bounds::EMPTY;
-        if let Some(bounds) = view.bounds {
-            for corner in 0..8usize {
-                let pick =
-                    |axis: usize| if corner >> axis & 1 == 0 { bounds.minimum[axis] } else { bounds.maximum[axis] };
-                extent.include(&seen(view, &vec3(pick(0), pick(1), pick(2))));
-            }
-        } else {
-            for particle in particles {
-                let centre = seen(view, &particle.position);
-                extent.include(&centre.map(|c| c - particle.radius));
-                extent.include(&centre.map(|c| c + particle.radius));
-            }
-            parts.iter().flat_map(|p| p.lines.iter().flatten()).for_each(|point| extent.include(&seen(view, point)));
-        }
+    /// For an `extent` as [`extent`] gives it, on a page with room for `largest` [px].
+    pub(super) fn new(extent: &Bounds, view: &View, largest: [f64; 2]) -> Self {
         let finite = !extent.is_empty() && extent.minimum.iter().chain(&extent.maximum).all(|c| c.is_finite());
-        let extent = if finite { extent } else { Bounds { minimum: [0.0; 3], maximum: [1.0; 3] } };
+        let extent = if finite { *extent } else { Bounds { minimum: [0.0; 3], maximum: [1.0; 3] } };
         let size = extent.size().map(|length| length.max(1e-9));
-        let pixels_per_metre = (LARGEST[0] / size.x).min(LARGEST[1] / size.y);
+        let pixels_per_metre = (largest[0] / size.x).min(largest[1] / size.y);
         let drawn = (size.x * pixels_per_metre).max(SMALLEST_WIDTH - LEGEND_WIDTH);
         Self {
             view: *view,
@@ -181,7 +186,7 @@ impl Frame {
         }
     }
 
-    fn at(&self, point: &Vec3) -> [f64; 2] {
+    pub(super) fn at(&self, point: &Vec3) -> [f64; 2] {
         let seen = seen(&self.view, point);
         [
             MARGIN + (seen.x - self.origin[0]) * self.pixels_per_metre,
@@ -197,14 +202,15 @@ fn seen(view: &View, point: &Vec3) -> Vec3 {
 
 /// From a particle to its class of colour.
 #[derive(Debug)]
-struct ColourScale {
+pub(super) struct ColourScale {
     colour_by: ColourBy,
     range: [f64; 2],
 }
 
 impl ColourScale {
-    fn new(particles: &[ParticleState], colour_by: ColourBy) -> Self {
-        let mut values: Vec<f64> = particles.iter().map(|p| value(p, colour_by)).filter(|v| v.is_finite()).collect();
+    pub(super) fn new<'a>(particles: impl IntoIterator<Item = &'a ParticleState>, colour_by: ColourBy) -> Self {
+        let mut values: Vec<f64> =
+            particles.into_iter().map(|p| value(p, colour_by)).filter(|v| v.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         let at = |share: f64| values.get((share * values.len().saturating_sub(1) as f64) as usize).copied();
         let range = match colour_by {
@@ -228,7 +234,7 @@ fn value(particle: &ParticleState, colour_by: ColourBy) -> f64 {
     }
 }
 
-fn draw_particles(document: &mut Document, particles: &[ParticleState], scale: &ColourScale, frame: &Frame) {
+pub(super) fn draw_particles(document: &mut Document, particles: &[ParticleState], scale: &ColourScale, frame: &Frame) {
     let mut order: Vec<(f64, &ParticleState)> = particles
         .iter()
         .filter(|p| p.position.iter().all(|c| c.is_finite()))
@@ -289,7 +295,7 @@ impl Raster {
     }
 }
 
-fn draw_faces(document: &mut Document, parts: &[Outline], frame: &Frame) {
+pub(super) fn draw_faces(document: &mut Document, class: &str, parts: &[Outline], frame: &Frame) {
     for part in parts {
         let mut path = String::new();
         for face in &part.faces {
@@ -303,12 +309,12 @@ fn draw_faces(document: &mut Document, parts: &[Outline], frame: &Frame) {
             }
         }
         if !path.is_empty() {
-            document.raw(&format!("<path class=\"k\" d=\"{path}\"/>"));
+            document.raw(&format!("<path class=\"{class}\" d=\"{path}\"/>"));
         }
     }
 }
 
-fn draw_lines(document: &mut Document, parts: &[Outline], frame: &Frame) {
+pub(super) fn draw_lines(document: &mut Document, class: &str, parts: &[Outline], frame: &Frame) {
     let mut drawn = HashSet::new();
     for line in parts.iter().flat_map(|part| &part.lines) {
         let points: Vec<[f64; 2]> = line.iter().map(|point| frame.at(point)).collect();
@@ -318,12 +324,12 @@ fn draw_lines(document: &mut Document, parts: &[Outline], frame: &Frame) {
         let mut backwards = cells.clone();
         backwards.reverse();
         if long && !drawn.contains(&backwards) && drawn.insert(cells) {
-            document.path("o", points, false);
+            document.path(class, points, false);
         }
     }
 }
 
-fn draw_slope(document: &mut Document, slope: &SlopeLine, frame: &Frame) {
+pub(super) fn draw_slope(document: &mut Document, slope: &SlopeLine, frame: &Frame) {
     let [a, b] = [0, 1].map(|k| frame.at(&slope.ends[k]));
     // Screen y points down: the lower end is the one with the larger y.
     let (low, high) = if a[1] >= b[1] { (a, b) } else { (b, a) };
@@ -353,7 +359,7 @@ fn draw_slope(document: &mut Document, slope: &SlopeLine, frame: &Frame) {
     document.label(at, anchor, "w halo", &slope.label);
 }
 
-fn draw_scale_bar(document: &mut Document, frame: &Frame) {
+pub(super) fn draw_scale_bar(document: &mut Document, frame: &Frame) {
     let available = frame.width - LEGEND_WIDTH - 2.0 * MARGIN;
     let length = round_length(0.12 * available / frame.pixels_per_metre);
     let (left, y) = (MARGIN, frame.height + 16.0);
@@ -366,7 +372,7 @@ fn draw_scale_bar(document: &mut Document, frame: &Frame) {
     document.label([right + 10.0, y + 0.35 * FONT_SIZE], Anchor::Start, "", &text);
 }
 
-fn draw_legend(document: &mut Document, scale: &ColourScale, frame: &Frame) {
+pub(super) fn draw_legend(document: &mut Document, scale: &ColourScale, frame: &Frame) {
     let left = frame.width - LEGEND_WIDTH + 14.0;
     let (top, width) = (MARGIN + 34.0, 16.0);
     let height = (0.5 * frame.height).clamp(60.0, 260.0).min((frame.height - top).max(40.0));

@@ -292,7 +292,7 @@ fn is_there((_, checkpoint): &(String, PathBuf)) -> bool {
 }
 
 /// Particles of a checkpoint, as far as measures of the final state need them: velocity and spin stay zero.
-fn final_particles(checkpoint: &Path) -> Result<Vec<ParticleState>, StorageError> {
+pub(super) fn final_particles(checkpoint: &Path) -> Result<Vec<ParticleState>, StorageError> {
     let reader = ColumnReader::open(checkpoint, "checkpoint")?;
     let (spheres, densities) = (reader.f64s("sphere")?, reader.f64s("density")?);
     let (ids, materials) = (reader.u64s("id")?, reader.u64s("material")?);

@@ -94,6 +94,23 @@ fn replayed(stage: &str, result: &ReplayResult, results: &GateResults) -> Value 
 /// What the user must hear of the gates of a stage.
 pub fn warnings(results: &GateResults) -> Vec<String> {
     let mut warnings = Vec::new();
+    for result in &results.recorded {
+        let (name, tally) = (&result.gate.name, &result.tally);
+        if tally.sitting_at_start > 0 && !result.observed {
+            warnings.push(format!(
+                "gate '{name}': {} particles lay behind the plane at the start; they never pass it, so no stage beyond gets them: start \
+                 with an empty space there, or move the gate",
+                tally.sitting_at_start
+            ));
+        }
+        if tally.came_around > 0 && !result.observed {
+            warnings.push(format!(
+                "gate '{name}': {} particles came behind the plane without passing its aperture; no stage beyond gets them: \
+                 widen the aperture, or keep feeds out of there",
+                tally.came_around
+            ));
+        }
+    }
     for result in &results.replayed {
         let name = &result.name;
         let arrivals = &result.arrivals;

@@ -1,15 +1,26 @@
-//! The picture of a run's last state.
+//! The picture of a run's last state: of one stage, and of all last stages of a cut scene side by side.
 
+use super::comparison::final_particles;
+use super::stage::StageOutcome;
+use super::summary::event_text;
 use crate::analysis::MeasureResult;
 use crate::analysis::angle_of_repose::angle_of_repose;
 use crate::analysis::surface_profile::SurfacePoint;
 use crate::backend::native::StageResult;
+use crate::exit_code;
+use crate::geometry::part::{Part, Trigger};
 use crate::math::{Bounds, Vec3};
-use crate::report::outline::{Outline, outline};
+use crate::output::summary::{EventSummary, Summary};
+use crate::particle::ParticleState;
+use crate::report::outline::{Outline, gate_outline, outline};
+use crate::report::panels::{GateMark, Panel, side_by_side};
 use crate::report::picture::{Annotations, ColourBy, SlopeLine, View, side_view};
+use crate::scene::gate::Gate;
 use crate::scene::{MeasureKind, Scene};
+use crate::stage::split::StageJob;
 use crate::storage::StorageError;
 use crate::storage::staging::write_whole;
+use serde_json::Value;
 use std::path::Path;
 
 /// Writes `picture.svg`: particles by diameter, the parts that are there, and the slopes of every measured heap.
@@ -19,16 +30,8 @@ pub fn draw(
     measures: &[MeasureResult],
     folder: &Path,
 ) -> Result<(), StorageError> {
-    let along = scene.measures.iter().find_map(|measure| match measure.kind {
-        MeasureKind::AngleOfRepose { along, .. } => Some(along),
-        _ => None,
-    });
-    let view = if along == Some(1) { View::side() } else { View::front() };
-    let mut bounds = Bounds::EMPTY;
-    result.particles.iter().for_each(|particle| bounds.include(&particle.position));
-    if result.particles.is_empty() {
-        bounds = scene.domain.bounds;
-    }
+    let view = view_of(scene);
+    let bounds = bounds_of(scene, &result.particles);
     let parts: Vec<Outline> = scene
         .parts
         .iter()
@@ -38,18 +41,146 @@ pub fn draw(
         .collect();
     let annotations = Annotations {
         title: scene.name.clone(),
-        slopes: slopes(scene, result),
+        slopes: slopes(scene, &result.particles),
         caption: caption(scene, result, measures),
     };
     let svg = side_view(&result.particles, &parts, &view, ColourBy::Diameter, &annotations);
     write_whole(&folder.join("picture.svg"), svg.as_bytes())
 }
 
-fn slopes(scene: &Scene, result: &StageResult) -> Vec<SlopeLine> {
+/// Along the width of the heaps: the first one that is measured decides.
+fn view_of(scene: &Scene) -> View {
+    let along = scene.measures.iter().find_map(|measure| match measure.kind {
+        MeasureKind::AngleOfRepose { along, .. } => Some(along),
+        _ => None,
+    });
+    if along == Some(1) { View::side() } else { View::front() }
+}
+
+/// Where particles are; without any, the domain.
+fn bounds_of<'a>(scene: &Scene, particles: impl IntoIterator<Item = &'a ParticleState>) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    particles.into_iter().for_each(|particle| bounds.include(&particle.position));
+    if bounds.is_empty() { scene.domain.bounds } else { bounds }
+}
+
+/// A last stage that came to its end: its job, its result, its particles.
+struct Finished<'a> {
+    job: &'a StageJob,
+    outcome: &'a StageOutcome,
+    particles: Vec<ParticleState>,
+}
+
+/// Writes `picture.svg` of a cut scene: a panel for each of its last stages that has been run, from the state that lies in the
+/// stage's folder, whoever computed it. The stages upstream are there with their parts.
+pub fn draw_stages(
+    scene: &Scene,
+    jobs: &[StageJob],
+    outcomes: &[StageOutcome],
+    summary: &Summary,
+    folder: &Path,
+) -> Result<(), StorageError> {
+    let outcome_of = |job: &StageJob| {
+        outcomes.iter().find(|o| o.stage == job.name && o.summary.outcome.exit_code == exit_code::DONE)
+    };
+    let mut finished = Vec::new();
+    for job in jobs.iter().filter(|job| job.is_leaf) {
+        let Some(outcome) = outcome_of(job) else { continue };
+        let particles = final_particles(&outcome.folder.join("state.checkpoint"))?;
+        finished.push(Finished { job, outcome, particles });
+    }
+    if finished.is_empty() {
+        return Ok(());
+    }
+    let view = view_of(scene);
+    let bounds = bounds_of(scene, finished.iter().flat_map(|stage| &stage.particles));
+    let drawn = |job: &StageJob, outcome: &StageOutcome, without: &[Part]| -> Vec<Outline> {
+        let summary = &outcome.summary;
+        let there =
+            |part: &&Part| is_present(part, &summary.events) && !without.iter().any(|other| other.name == part.name);
+        let pose = |part: &Part| part.motion.pose(summary.outcome.time_s);
+        let parts = job.scene.parts.iter().filter(there);
+        parts.map(|part| outline(&part.surface, &pose(part), &view.sight(), &bounds)).collect()
+    };
+    let panel = |stage: Finished| {
+        let (job, outcome) = (stage.job, stage.outcome);
+        let upstream =
+            ancestors(jobs, job).into_iter().filter_map(|index| Some((&jobs[index], outcome_of(&jobs[index])?)));
+        Panel {
+            heading: job.name.clone(),
+            parts: drawn(job, outcome, &[]),
+            earlier_parts: upstream.flat_map(|(earlier, its)| drawn(earlier, its, &job.scene.parts)).collect(),
+            slopes: slopes(&job.scene, &stage.particles),
+            particles: stage.particles,
+        }
+    };
+    let panels: Vec<Panel> = finished.into_iter().map(panel).collect();
+    let mark =
+        |gate: &Gate| GateMark { name: gate.name.clone(), border: gate_outline(&gate.plane, &view.sight(), &bounds) };
+    let gates: Vec<GateMark> = scene.gates.iter().map(mark).collect();
+    let svg = side_by_side(&panels, &gates, &view, &scene.name, &stages_caption(summary, panels.len()));
+    write_whole(&folder.join("picture.svg"), svg.as_bytes())
+}
+
+/// All jobs that `job` waits for, and those that these wait for.
+fn ancestors(jobs: &[StageJob], job: &StageJob) -> Vec<usize> {
+    let mut found = job.waits_for.clone();
+    let mut next = 0;
+    while let Some(&index) = found.get(next) {
+        let new: Vec<usize> = jobs[index].waits_for.iter().copied().filter(|other| !found.contains(other)).collect();
+        found.extend(new);
+        next += 1;
+    }
+    found
+}
+
+/// Whether a part is there after `events`, those of its stage in the order of time.
+fn is_present(part: &Part, events: &[EventSummary]) -> bool {
+    let told =
+        |event: &EventSummary| [true, false].into_iter().find(|present| event.what == event_text(&part.name, *present));
+    events.iter().rev().find_map(told).unwrap_or(part.appears == Trigger::Always)
+}
+
+/// What passed the gates, and what the split cost.
+fn stages_caption(summary: &Summary, panels: usize) -> String {
+    let mut sentences = vec![format!("{}, last states of {panels} stages.", summary.scene.name)];
+    for gate in &summary.gates {
+        let replayed = gate["replayed"].as_array().map_or(&[][..], Vec::as_slice);
+        let sum = |of: &dyn Fn(&Value) -> &Value| replayed.iter().filter_map(|one| of(one).as_u64()).sum::<u64>();
+        let recorded = gate["recorded"].as_array().and_then(|all| all.first());
+        let Some(crossings) = recorded.and_then(|one| one["stream"]["crossings"].as_u64()) else { continue };
+        let mut sentence =
+            format!("Gate {}: {crossings} crossings recorded once", gate["name"].as_str().unwrap_or_default());
+        if !replayed.is_empty() {
+            sentence += &format!(
+                ", replayed {} times: {} of {} arrived with the recorded bits",
+                replayed.len(),
+                sum(&|one| &one["arrivals"]["bit_equal"]),
+                sum(&|one| &one["arrivals"]["recorded"]["count"]),
+            );
+        }
+        sentences.push(sentence + ".");
+    }
+    if let Some(load) = &summary.load {
+        sentences.push(format!(
+            "Processor time: upstream A = {:.0} s once, downstream B = {:.0} s a stage; split {:.0} s, unsplit (A + B) x {} = {:.0} s, \
+             ratio {:.2}.",
+            load.upstream_cpu_s,
+            load.downstream_cpu_s,
+            load.split_cpu_s,
+            load.downstream_runs,
+            load.unsplit_forecast_cpu_s,
+            load.ratio
+        ));
+    }
+    sentences.join(" ")
+}
+
+fn slopes(scene: &Scene, particles: &[ParticleState]) -> Vec<SlopeLine> {
     let mut lines = Vec::new();
     for measure in &scene.measures {
         let MeasureKind::AngleOfRepose { region, along } = &measure.kind else { continue };
-        let Ok(heap) = angle_of_repose(&result.particles, scene.body, region, *along) else { continue };
+        let Ok(heap) = angle_of_repose(particles, scene.body, region, *along) else { continue };
         for flank in &heap.flanks {
             let place = |surface: SurfacePoint| {
                 let mut point = Vec3::zeros();
@@ -81,4 +212,40 @@ fn caption(scene: &Scene, result: &StageResult, measures: &[MeasureResult]) -> S
         parts.push(format!("{name} {value:.places$} \u{b1} {uncertainty:.places$} {}", measure.unit));
     }
     parts.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(waits_for: &[usize]) -> StageJob {
+        let scene = crate::scene::read_text(
+            include_str!("../../templates/scene.default.toml"),
+            "scene.toml",
+            Path::new("."),
+            &[],
+        );
+        StageJob { waits_for: waits_for.to_vec(), ..StageJob::uncut(&scene.unwrap().0) }
+    }
+
+    #[test]
+    fn everything_upstream_is_found_once() {
+        let jobs = [job(&[]), job(&[0]), job(&[0]), job(&[1, 2])];
+        let mut found = ancestors(&jobs, &jobs[3]);
+        found.sort_unstable();
+        assert_eq!(found, [0, 1, 2]);
+        assert!(ancestors(&jobs, &jobs[0]).is_empty());
+    }
+
+    #[test]
+    fn a_part_is_there_as_its_last_event_says() {
+        let mut part = job(&[]).scene.parts[0].clone();
+        let event = |name: &str, present| EventSummary { time_s: 0.1, what: event_text(name, present) };
+        let other = event("another", false);
+        assert!(is_present(&part, &[other.clone()]));
+        assert!(!is_present(&part, &[event(&part.name, false), other.clone()]));
+        part.appears = Trigger::At { time: 0.1 };
+        assert!(!is_present(&part, &[other]));
+        assert!(is_present(&part, &[event(&part.name, true)]));
+    }
 }

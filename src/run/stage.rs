@@ -75,7 +75,8 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
         let differences = RunFolder::differences_elsewhere(&other, &key);
         if !differences.is_empty() {
             let (name, from) = (&job.name, root.display());
-            not_reused.push(format!("stage '{name}' was not taken from {from}, which differs: {}", differences.join("; ")));
+            not_reused
+                .push(format!("stage '{name}' was not taken from {from}, which differs: {}", differences.join("; ")));
         }
     }
     let folder = RunFolder::claim(place, &key, Claim::new(order.request.resume))?;

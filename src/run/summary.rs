@@ -232,9 +232,11 @@ fn removals(result: &StageResult) -> Vec<RemovalSummary> {
 }
 
 fn events(scene: &Scene, result: &StageResult) -> Vec<EventSummary> {
-    let text = |event: &PartEvent| {
-        let verb = if event.present { "appeared" } else { "disappeared" };
-        format!("part '{}' {verb}", scene.parts[usize::from(event.part)].name)
-    };
+    let text = |event: &PartEvent| event_text(&scene.parts[usize::from(event.part)].name, event.present);
     result.events.iter().map(|event| EventSummary { time_s: event.time, what: text(event) }).collect()
+}
+
+/// A part that has come (`present`) or gone, in words.
+pub fn event_text(part: &str, present: bool) -> String {
+    format!("part '{part}' {}", if present { "appeared" } else { "disappeared" })
 }

@@ -3,16 +3,8 @@
 use crate::common::{Answer, Bench};
 use serde_json::Value;
 
-const SHORT: [&str; 8] = [
-    "--set",
-    "feed.fill.amount=100",
-    "--set",
-    "end.time=0.25 s",
-    "--set",
-    "output.frames=0.1 s",
-    "--replicates",
-    "3",
-];
+const SHORT: [&str; 8] =
+    ["--set", "feed.fill.amount=100", "--set", "end.time=0.25 s", "--set", "output.frames=0.1 s", "--replicates", "3"];
 
 fn replicates(bench: &Bench, out: &str, further: &[&str]) {
     let answer = bench.attempt(out, &[&SHORT[..], further].concat());
@@ -27,7 +19,10 @@ fn compare(bench: &Bench, one: &str, reference: &str, further: &[&str]) -> (Answ
 
 fn measure<'a>(found: &'a Value, name: &str) -> &'a Value {
     let measures = found["measures"].as_array().unwrap();
-    measures.iter().find(|one| one["name"].as_str().unwrap().ends_with(name)).unwrap_or_else(|| panic!("no {name}: {found:#}"))
+    measures
+        .iter()
+        .find(|one| one["name"].as_str().unwrap().ends_with(name))
+        .unwrap_or_else(|| panic!("no {name}: {found:#}"))
 }
 
 /// Catches a comparison that pairs measures of different stages, takes both sides for one, or is blind to an error that was put in:
@@ -37,8 +32,20 @@ fn split_and_whole_agree_and_a_planted_error_does_not() {
     let bench = Bench::hopper();
     replicates(&bench, "whole", &["--whole"]);
     replicates(&bench, "split", &[]);
-    replicates(&bench, "beside", &["--reuse", "split/replicates/001", "--reuse", "split/replicates/002", "--reuse",
-        "split/replicates/003", "--set", "stage.heap.replay.outlet.place={ move_mm = [8, 0, -16] }"]);
+    replicates(
+        &bench,
+        "beside",
+        &[
+            "--reuse",
+            "split/replicates/001",
+            "--reuse",
+            "split/replicates/002",
+            "--reuse",
+            "split/replicates/003",
+            "--set",
+            "stage.heap.replay.outlet.place={ move_mm = [8, 0, -16] }",
+        ],
+    );
     let (answer, found) = compare(&bench, "split", "whole", &[]);
     assert!([0, 6].contains(&answer.code), "{answer:?}");
     let verdict = found["verdict"].as_str().unwrap();

@@ -78,7 +78,8 @@ fn heights_are_those_of_the_throw(frames: &Frames) {
 #[test]
 fn who_returns_is_deleted_where_the_scene_says_so() {
     let bench = fountain(&four());
-    let summary = bench.run("a", &["--set", "gate.up.returning=delete", "--set", "stage.above.replay.up.leaving=delete"]);
+    let summary =
+        bench.run("a", &["--set", "gate.up.returning=delete", "--set", "stage.above.replay.up.leaving=delete"]);
     assert_eq!((tally(&summary, "recorded"), tally(&summary, "returned")), (3.0, 2.0));
     assert_eq!((tally(&summary, "deleted"), tally(&summary, "still_in_run")), (2.0, 0.0));
     assert_eq!(removed(&summary, "below: deleted at a gate"), 2.0);
@@ -124,7 +125,8 @@ fn who_bounces_back_over_the_gate_downstream_is_accounted_for() {
     for (leaving, inside, gone) in [("keep", 2, 0.0), ("delete", 1, 1.0)] {
         let bench = Bench::new();
         // From 300 mm it bounces to a quarter of its height, above the gate; from 104 mm it does not reach the gate again.
-        let feed = bench.drops("jet", &[Drop::new([0.0, 0.0, 300.0], [0.0; 3]), Drop::new([20.0, 0.0, 104.0], [0.0; 3])]);
+        let feed =
+            bench.drops("jet", &[Drop::new([0.0, 0.0, 300.0], [0.0; 3]), Drop::new([20.0, 0.0, 104.0], [0.0; 3])]);
         bench.write_scene("scene.toml", "", &[FLOOR, table, &feed, END, &gate, &stages]);
         let summary = bench.run("a", &["--set", &format!("stage.above.replay.up.leaving={leaving}")]);
         let replayed = summary.replayed("up", "above");
@@ -141,7 +143,8 @@ fn who_bounces_back_over_the_gate_downstream_is_accounted_for() {
 fn who_crosses_slowly_arrives_bit_for_bit() {
     for path in ["constant", "ballistic", "recorded"] {
         let bench = Bench::new();
-        let feed = bench.drops("jet", &[Drop::new([0.0, 0.0, 100.001], [0.0; 3]), Drop::new([20.0, 0.0, 100.0], [0.0; 3])]);
+        let feed =
+            bench.drops("jet", &[Drop::new([0.0, 0.0, 100.001], [0.0; 3]), Drop::new([20.0, 0.0, 100.0], [0.0; 3])]);
         let gate = GATE.replace("[0, 0, 1]", "[0, 0, -1]");
         let stages = STAGES.replace("parts = [\"floor\"]", "parts = []");
         bench.write_scene("scene.toml", "", &[FLOOR, &feed, END, &gate, &stages]);
@@ -169,11 +172,17 @@ fn sitters() -> Vec<Drop> {
 fn who_is_beyond_the_gate_already_is_kept_deleted_or_refused() {
     let bench = fountain(&sitters());
     let kept = bench.run("kept", &[]);
-    assert_eq!((tally(&kept, "recorded"), tally(&kept, "sitting_at_start"), tally(&kept, "came_around")), (1.0, 1.0, 1.0));
+    assert_eq!(
+        (tally(&kept, "recorded"), tally(&kept, "sitting_at_start"), tally(&kept, "came_around")),
+        (1.0, 1.0, 1.0)
+    );
     assert_eq!((tally(&kept, "deleted"), number(&kept.stage("below")["particles"])), (0.0, 2.0));
     let deleted = bench.run("deleted", &["--set", "gate.up.sitting=delete"]);
     assert_eq!((tally(&deleted, "recorded"), tally(&deleted, "deleted")), (1.0, 2.0));
-    assert_eq!((removed(&deleted, "below: deleted at a gate"), number(&deleted.stage("below")["particles"])), (2.0, 0.0));
+    assert_eq!(
+        (removed(&deleted, "below: deleted at a gate"), number(&deleted.stage("below")["particles"])),
+        (2.0, 0.0)
+    );
     let answer = bench.attempt("refused", &["--set", "gate.up.sitting=error"]);
     answer.refused(7, &["particle 0 of feed 0", "lies behind it at the start", "sitting"]);
 }

@@ -114,7 +114,8 @@ fn a_stream_damaged_between_two_runs_is_not_taken_for_done() {
     drop(file);
     assert_eq!(bench.tollgate(&["stream", "check", STREAM]).code, 5);
     // Another output interval asks for the stage anew.
-    let answer = bench.attempt("b", &[&SHORT[..], &["--set", "stage.heap.replay.outlet.leaving=keep", "--reuse", "a"]].concat());
+    let answer =
+        bench.attempt("b", &[&SHORT[..], &["--set", "stage.heap.replay.outlet.leaving=keep", "--reuse", "a"]].concat());
     answer.refused(5, &["damaged"]);
 }
 
@@ -124,7 +125,8 @@ fn a_stream_of_other_materials_is_accepted_only_on_demand() {
     let text = bench.text("scene.toml");
     let from = text.find("[[gate]]").unwrap();
     let to = text.find("[[stage]]\nname = \"heap\"").unwrap();
-    let scene = format!("{}{}", &text[..from], &text[to..]).replace("gate = \"outlet\"", &format!("stream = \"{STREAM}\""));
+    let scene =
+        format!("{}{}", &text[..from], &text[to..]).replace("gate = \"outlet\"", &format!("stream = \"{STREAM}\""));
     let scene = scene.replace("name = \"heap\"\n", "name = \"heap\"\nfeeds = []\n");
     fs::write(bench.path("scene.toml"), scene).unwrap();
     let fits = bench.attempt("fits", &SHORT);

@@ -2,8 +2,7 @@
 
 use crate::common::{Bench, Summary, assert_same, number};
 
-const SHORT: [&str; 6] =
-    ["--set", "feed.fill.amount=80", "--set", "end.time=0.2 s", "--set", "output.frames=10 ms"];
+const SHORT: [&str; 6] = ["--set", "feed.fill.amount=80", "--set", "end.time=0.2 s", "--set", "output.frames=10 ms"];
 
 fn arguments<'a>(out: &'a str, further: &[&'a str]) -> Vec<&'a str> {
     [&["run", "scene.toml", "--threads", "1", "--out", out], &SHORT[..], further].concat()
@@ -59,8 +58,7 @@ fn a_kick_moves_one_particle_by_its_length_and_nothing_else() {
         for replicate in ["001", "002"] {
             let kicked = bench.frames(&format!("{out}/replicates/{replicate}"), stage);
             assert_eq!(kicked.0[&0].len(), reference.0[&0].len());
-            let moved: Vec<_> =
-                reference.0[&0].iter().filter(|(id, row)| kicked.row(0, **id) != *row).collect();
+            let moved: Vec<_> = reference.0[&0].iter().filter(|(id, row)| kicked.row(0, **id) != *row).collect();
             assert_eq!(moved.len(), 1, "{moved:?}");
             let (id, before) = moved[0];
             let after = kicked.row(0, *id);

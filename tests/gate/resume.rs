@@ -166,7 +166,8 @@ fn what_is_done_is_not_computed_again() {
     assert!(again.err.contains("was done before; nothing was computed"), "{again:?}");
     // A comment, and another name of the file.
     let text = bench.text("scene.toml");
-    fs::write(bench.path("scene.toml"), format!("# Changed.\n{}", text.replace("\n[end]", "\n# When it ends.\n[end]"))).unwrap();
+    fs::write(bench.path("scene.toml"), format!("# Changed.\n{}", text.replace("\n[end]", "\n# When it ends.\n[end]")))
+        .unwrap();
     let again = bench.tollgate(&arguments("a", &["--resume"]));
     assert!(again.code == 0 && again.err.contains("nothing was computed"), "{again:?}");
     // Only one stage, which is done.
@@ -221,7 +222,11 @@ fn stages_are_taken_from_another_run_where_their_keys_are_the_same() {
     let digest = |out: &str| bench.summary(out).recorded("outlet")["stream"]["digest"].clone();
     assert_ne!(digest("friction"), digest("old"));
     // Said, with what differs.
-    assert!(bench.summary("friction").warns("stage 'hopper' was not taken from old"), "{:#}", bench.summary("friction").at("/warnings"));
+    assert!(
+        bench.summary("friction").warns("stage 'hopper' was not taken from old"),
+        "{:#}",
+        bench.summary("friction").at("/warnings")
+    );
     // A stage of the same key whose stream is damaged is no use.
     copy_folder(&bench.path("old"), &bench.path("damaged"));
     fs::remove_file(bench.path("damaged/stages/hopper/streams/outlet/chunk-000000.columns")).unwrap();

@@ -130,11 +130,7 @@ impl Recording {
         }
         match look.error {
             None => Ok(()),
-            Some(what) => Err(BackendError::Gate {
-                what,
-                time: simulation.time(),
-                steps: simulation.steps_done(),
-            }),
+            Some(what) => Err(BackendError::Gate { what, time: simulation.time(), steps: simulation.steps_done() }),
         }
     }
 
