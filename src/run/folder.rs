@@ -133,6 +133,13 @@ impl RunFolder {
         folder.finished()
     }
 
+    /// What differs from the run in `path`, in words; empty where there is none.
+    pub fn differences_elsewhere(path: &Path, key: &StageKey) -> Vec<String> {
+        let Ok(text) = fs::read_to_string(path.join(RECORD)) else { return Vec::new() };
+        let held: Value = serde_json::from_str(&text).unwrap_or_default();
+        differences(&held["content"], &key.content, MOST_DIFFERENCES)
+    }
+
     /// The summary of an earlier run that ended by itself: it would end so again.
     pub fn finished(&self) -> Result<Option<Summary>, StorageError> {
         let path = self.summary_path();

@@ -46,6 +46,8 @@ pub struct StageOutcome {
     pub was_done: bool,
     /// Wall time by phase, as a table; empty where nothing was computed.
     pub timing: String,
+    /// Why it was not taken from a run that was to be used again.
+    pub not_reused: Vec<String>,
 }
 
 /// Runs a stage into `place`, unless its result is there already or in a run that may be used again.
@@ -55,6 +57,7 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
         take_events(&mut job.scene, &job.upstream_parts, &input.events());
     }
     let key = stage_key(order, &job, inputs)?;
+    let mut not_reused = Vec::new();
     for root in order.request.reuse.iter().filter(|_| !place.exists()) {
         let other = super::stage_folder(root, &job.name);
         if let Some(summary) = RunFolder::finished_elsewhere(&other, &key)?
@@ -66,7 +69,14 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
                 summary,
                 was_done: true,
                 timing: String::new(),
+                not_reused: Vec::new(),
             });
+        }
+        let differences = RunFolder::differences_elsewhere(&other, &key);
+        if !differences.is_empty() {
+            let (name, from) = (&job.name, root.display());
+            not_reused
+                .push(format!("stage '{name}' was not taken from {from}, which differs: {}", differences.join("; ")));
         }
     }
     let folder = RunFolder::claim(place, &key, Claim::new(order.request.resume))?;
@@ -80,9 +90,10 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
             summary,
             was_done: true,
             timing: String::new(),
+            not_reused,
         });
     }
-    compute(order, &job, place, inputs, &key, &folder)
+    Ok(StageOutcome { not_reused, ..compute(order, &job, place, inputs, &key, &folder)? })
 }
 
 /// A stage that an earlier command has run into `place`.
@@ -93,7 +104,7 @@ pub fn found(name: &str, place: &Path) -> Result<Option<StageOutcome>, RunError>
     }
     let summary = Summary::read(&path)?;
     let (stage, folder) = (name.to_owned(), place.to_path_buf());
-    Ok(Some(StageOutcome { stage, folder, summary, was_done: true, timing: String::new() }))
+    Ok(Some(StageOutcome { stage, folder, summary, was_done: true, timing: String::new(), not_reused: Vec::new() }))
 }
 
 fn compute(
@@ -106,7 +117,7 @@ fn compute(
 ) -> Result<StageOutcome, RunError> {
     let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
     setup.momentum = !job.records.is_empty() || !inputs.is_empty();
-    let replays = streams::replays(job, inputs);
+    let replays = streams::replays(job, inputs)?;
     let stage = native::Request {
         folder: place,
         key: &key.key,
@@ -142,6 +153,7 @@ fn compute(
         summary,
         was_done: false,
         timing: result.timing.table(),
+        not_reused: Vec::new(),
     })
 }
 

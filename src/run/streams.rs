@@ -2,12 +2,13 @@
 
 use super::stage::StageOutcome;
 use super::{RunError, stage_folder};
-use crate::backend::native::ReplayOrder;
+use crate::backend::native::{self, ReplayOrder};
 use crate::gate::stream::format::{Expected, Manifest};
 use crate::gate::stream::reader::StreamReader;
 use crate::scene::Scene;
 use crate::scene::gate::StreamSource;
 use crate::stage::split::StageJob;
+use crate::storage::StorageError;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -139,11 +140,15 @@ pub fn inputs(
 }
 
 /// The order to replay each stream of a stage, with identities that do not meet.
-pub fn replays(job: &StageJob, inputs: &[StreamInput]) -> Vec<ReplayOrder> {
-    let own = job.scene.feeds.len() as u32;
+///
+/// # Errors
+/// When a checkpoint to start from cannot be read.
+pub fn replays(job: &StageJob, inputs: &[StreamInput]) -> Result<Vec<ReplayOrder>, StorageError> {
+    let own = native::feed_numbers(&job.scene)?;
     let mut next = own;
     let mut used: Vec<&Descent> = Vec::new();
-    job.replays
+    let orders = job
+        .replays
         .iter()
         .zip(inputs)
         .map(|(replay, input)| {
@@ -164,5 +169,6 @@ pub fn replays(job: &StageJob, inputs: &[StreamInput]) -> Vec<ReplayOrder> {
                 feed_numbers: width,
             }
         })
-        .collect()
+        .collect();
+    Ok(orders)
 }

@@ -144,6 +144,7 @@ pub fn of_stages(order: &StageOrder, scene: &Scene, jobs: &[StageJob], outcomes:
         for (phase, seconds) in &part.timing_s {
             *whole.timing_s.entry(phase.clone()).or_default() += seconds;
         }
+        whole.warnings.extend(outcome.not_reused.iter().cloned());
         let new = part.warnings.iter().filter(|warning| warned.insert((*warning).clone()));
         whole.warnings.extend(new.map(
             |warning| {

@@ -88,6 +88,7 @@ pub(super) const UNITS: &[Unit] = &[
     unit(D::Length, "cm", 1e-2),
     unit(D::Length, "mm", 1e-3),
     unit(D::Length, "um", 1e-6),
+    unit(D::Length, "nm", 1e-9),
     unit(D::Length, "km", 1e3),
     unit(D::Time, "s", 1.0),
     unit(D::Time, "ms", 1e-3),

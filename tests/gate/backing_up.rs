@@ -33,7 +33,7 @@ fn a_downstream_that_backs_up_stops_the_run_or_is_reported() {
         .run("warn", &[&LIMIT[..], &["--set", "stage.heap.replay.outlet.backing_up=warn", "--reuse", "stop"]].concat());
     let backed_up = &warned.replayed("outlet", "heap")["backed_up"];
     assert_eq!(number(&backed_up["time_s"]), stopped, "{backed_up:#}");
-    assert!(number(&backed_up["resident_speed_m_s"]) < 0.5 * number(&backed_up["ghost_speed_m_s"]), "{backed_up:#}");
+    assert!(number(&backed_up["resident_speed_m_s"]) < number(&backed_up["ghost_speed_m_s"]), "{backed_up:#}");
     assert!(warned.warns("back"), "{:#}", warned.at("/warnings"));
     assert!((warned.number("/outcome/time_s") - 0.3).abs() < 1e-4);
     let arrivals = &warned.replayed("outlet", "heap")["arrivals"];
@@ -49,8 +49,12 @@ fn an_ordinary_discharge_does_not_fire() {
     assert!(replayed["backed_up"].is_null(), "{replayed:#}");
     assert!(number(&replayed["quality"]["crossings"]["contact_share"]) > 0.3, "{replayed:#}");
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/hopper");
-    let settings =
-        ["feed.fill.amount=250", "material.sinter.youngs_modulus=1 MPa", "end.time=0.45 s", "solver.overlap_limit=0.5"];
+    let settings = [
+        "feed.fill.amount=250",
+        "material.sinter.youngs_modulus=1 MPa",
+        "end={ time = \"0.45 s\" }",
+        "solver.overlap_limit=0.9",
+    ];
     let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
     let answer = bench.tollgate(&[&["run", scene, "--threads", "1", "--out", "chute"], &settings[..]].concat());
     assert_eq!(answer.code, 0, "{answer:?}");

@@ -26,7 +26,7 @@ fn measure<'a>(found: &'a Value, name: &str) -> &'a Value {
 }
 
 /// Catches a comparison that pairs measures of different stages, takes both sides for one, or is blind to an error that was put in:
-/// here the replay is 8 mm beside, or lets a window of the stream through.
+/// here the replay is 8 mm beside (and lower, clear of the rim).
 #[test]
 fn split_and_whole_agree_and_a_planted_error_does_not() {
     let bench = Bench::hopper();
@@ -43,7 +43,7 @@ fn split_and_whole_agree_and_a_planted_error_does_not() {
             "--reuse",
             "split/replicates/003",
             "--set",
-            "stage.heap.replay.outlet.place={ move_mm = [8, 0, 0] }",
+            "stage.heap.replay.outlet.place={ move_mm = [8, 0, -16] }",
         ],
     );
     let (answer, found) = compare(&bench, "split", "whole", &[]);

@@ -409,3 +409,75 @@ fn two_threads_give_the_bits_of_one() {
     assert!(number(&bench.summary("one").recorded("outlet")["stream"]["crossings"]) > 50.0);
     assert_same(&bench.result("one"), &bench.result("two"));
 }
+
+/// Fill once, then cut the discharge: the particles come from another run's checkpoint, no feed is the scene's own. Catches
+/// identities that are told apart by the number of feeds alone.
+#[test]
+fn a_cut_run_starts_from_a_checkpoint() {
+    let bench = Bench::hopper();
+    let text = bench.text("scene.toml");
+    let [gates, output] = ["\n[[gate]]", "\n[solver]"].map(|section| text.find(section).unwrap());
+    let opens = text.find("disappears").unwrap();
+    let opens = opens..opens + text[opens..].find('\n').unwrap();
+    let closed = text.replace(&text[opens.clone()], "").replace(&text[gates..output], "");
+    std::fs::write(bench.path("fill.toml"), closed).unwrap();
+    let answer = bench.tollgate(&["run", "fill.toml", "--out", "fill", "--set", "end.time=0.12 s"]);
+    assert_eq!(answer.code, 0, "{answer:?}");
+    let feed = text.find("[[feed]]").unwrap()..text.find("[[part]]").unwrap();
+    let discharge = text.replace(&text[opens], "disappears = \"5 ms\"").replace(&text[feed], "");
+    let discharge = discharge.replace("feeds = [\"fill\"]", "feeds = []");
+    std::fs::write(bench.path("scene.toml"), discharge).unwrap();
+    let from = ["--from", "fill/state.checkpoint", "--set", "end.time=0.12 s"];
+    let summary = bench.run("split", &from);
+    let count = summary.recorded("outlet")["stream"]["crossings"].as_u64().unwrap();
+    assert!(count > 50, "{count}");
+    assert_faultless(summary.replayed("outlet", "heap"), count);
+    bench.run("whole", &[&from[..], &["--whole"]].concat());
+    let (whole, heap) = (bench.frames("whole", "heap"), bench.frames("split", "heap"));
+    let mut seen = 0;
+    for (step, frame) in heap.0.iter().filter(|(_, frame)| !frame.is_empty()).take(5) {
+        for (id, row) in frame {
+            // As in the dense discharge: it starts at round-off, 1e-9 of a diameter of 4 mm.
+            assert!(row.distance(whole.row(*step, *id)) < 4e-12, "{id} at {step}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 50, "{seen}");
+    let twice = ["stage.heap.replay.outlet.loops=2", "stage.heap.replay.outlet.gap=20 ms", "end.time=0.25 s"];
+    let twice: Vec<&str> = twice.iter().flat_map(|setting| ["--set", setting]).collect();
+    let looped = bench.run("loops", &[&from[..2], &twice[..]].concat());
+    let arrivals = &looped.replayed("outlet", "heap")["arrivals"];
+    let recorded = looped.recorded("outlet")["stream"]["crossings"].as_u64().unwrap();
+    assert_eq!(arrivals["recorded"]["count"], 2 * recorded, "{arrivals:#}");
+    assert_eq!(arrivals["each_once"], true, "{arrivals:#}");
+    assert!(number(&arrivals["arrived"]["count"]) > recorded as f64, "{arrivals:#}");
+}
+
+/// Two gates of one stage, each into a stage of its own: a branch by place.
+#[test]
+fn a_stage_with_two_outlets_feeds_two_stages() {
+    let bench = Bench::new();
+    let feed = bench.drops("rain", &drops());
+    let half = |name: &str, x: f64| {
+        gate(name, 150.0).replace("point_mm = [0,", &format!("point_mm = [{x},"))
+            + "aperture = { shape = \"rectangle\", side_a_mm = [200, 0, 0], side_b_mm = [0, 400, 0] }\n"
+    };
+    let gates = [half("left", -100.0), half("right", 100.0)].concat();
+    let stages = "[[stage]]\nname = \"above\"\nparts = []\nfeeds = [\"rain\"]\nrecords = [\"left\", \"right\"]\n\
+                  [[stage]]\nname = \"west\"\nparts = [\"floor\"]\nfeeds = []\n[[stage.replay]]\ngate = \"left\"\n\
+                  [[stage]]\nname = \"east\"\nparts = [\"floor\"]\nfeeds = []\n[[stage.replay]]\ngate = \"right\"\n\
+                  [[stage]]\nname = \"both\"\nparts = [\"floor\"]\nfeeds = []\n[[stage.replay]]\ngate = \"left\"\n\
+                  [[stage.replay]]\ngate = \"right\"\n";
+    bench.write_scene("scene.toml", "", &[FLOOR, &feed, &end(0.25), OUTPUT, &gates, stages]);
+    let summary = bench.run("a", &[]);
+    let (west, east): (Vec<Passage>, Vec<Passage>) = passages(0.15).into_iter().partition(|p| p.place[0] < 0.0);
+    assert!(west.len() > 1 && east.len() > 1);
+    for (gate, stage, expected) in [("left", "west", &west), ("right", "east", &east)] {
+        assert_faultless(summary.replayed(gate, stage), expected.len() as u64);
+        assert_faultless(summary.replayed(gate, "both"), expected.len() as u64);
+        falls_as_expected(&bench.frames("a", stage), expected, 0.15);
+    }
+    let mut ids = falls_as_expected(&bench.frames("a", "both"), &[west, east].concat(), 0.15);
+    ids.sort_unstable();
+    assert_eq!(ids, (0..6).map(|serial| ids[0] + serial).collect::<Vec<_>>(), "identities are those of the feed");
+}

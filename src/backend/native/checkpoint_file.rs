@@ -5,7 +5,7 @@ use super::gate::HandOver;
 use crate::backend::BackendError;
 use crate::dem::checkpoint::{INTEGER_COLUMNS, REAL_COLUMNS, SimulationRecord};
 use crate::dem::simulation::{Setup, Simulation};
-use crate::particle::Body;
+use crate::particle::{Body, ParticleId};
 use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
 use std::path::{Path, PathBuf};
@@ -75,6 +75,12 @@ pub fn record_for_start(path: &Path, setup: &Setup) -> Result<SimulationRecord, 
         return Err(refuse(format!("its particles are {body}, and those of this scene are {wanted}")));
     }
     Ok(record_of(&reader)?)
+}
+
+/// How many feed numbers the particles in the checkpoint file of another run take, from 0 on.
+pub fn feed_numbers(path: &Path) -> Result<u32, StorageError> {
+    let ids = ColumnReader::open(path, KIND)?.u64s("id")?;
+    Ok(ids.into_iter().map(|id| ParticleId(id).feed() + 1).max().unwrap_or(0))
 }
 
 fn body_text(setup: &Setup) -> String {

@@ -182,6 +182,16 @@ pub fn digest_of_start(path: &Path) -> Result<String, StorageError> {
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
+/// Feed numbers in the identities of a run's particles that its own feeds give or that a start checkpoint's particles get behind
+/// those.
+///
+/// # Errors
+/// When the checkpoint cannot be read.
+pub fn feed_numbers(scene: &Scene) -> Result<u32, StorageError> {
+    let of_start = scene.start_checkpoint.as_deref().map(checkpoint_file::feed_numbers).transpose()?;
+    Ok(scene.feeds.len() as u32 + of_start.unwrap_or(0))
+}
+
 /// When something is written: every so many time steps, from step 0.
 #[derive(Debug, Clone, Copy)]
 struct Schedule {

@@ -5,6 +5,8 @@
 //! rest or go upstream, and it stays so while a particle would pass its own diameter.
 //!
 //! In a dense discharge that flows, ghosts and residents touch too, but both move: there the residents have the ghosts' speed.
+//! Residents that can still escape sideways are no sign to the contrary: they move because the ghosts drive them. What tells is
+//! that many ghosts at once are pressed into slower ones beyond all that was seen upstream.
 
 use crate::math::Vec3;
 use crate::particle::ParticleId;
@@ -22,6 +24,10 @@ const PRESSED: f64 = 0.1;
 /// Share of the contacts that must push, and of the ghosts near the plane.
 const MOST_CONTACTS: f64 = 0.5;
 const MANY_GHOSTS: f64 = 0.25;
+/// Share of the ghosts near the plane that are pressed into residents which are slower, and their least number: many at once are
+/// no squeeze of one that drifted. In dense discharges cut inside of the outlet there is none at most looks.
+const PRESSED_GHOSTS: f64 = 0.2;
+const FEWEST_PRESSED: usize = 3;
 /// Ghosts below this share of sqrt(g d) creep: they say nothing about residents that rest.
 const CREEPING: f64 = 0.02;
 
@@ -129,8 +135,13 @@ impl BackingUpWatch {
             self.state.speeds.0 += near;
             self.state.speeds.1 += near * look.mean_speed;
         }
-        let pushing: Vec<&GhostContact> = look.contacts.iter().filter(|contact| self.pushes(contact)).collect();
-        if self.is_blocked(look, &pushing) {
+        let mut pushing: Vec<&GhostContact> = look.contacts.iter().filter(|contact| self.pushes(contact)).collect();
+        let squeezing: Vec<&GhostContact> = look.contacts.iter().filter(|contact| self.squeezes(contact)).collect();
+        let squeezed = is_squeezed(look, &squeezing);
+        if squeezed {
+            pushing = squeezing;
+        }
+        if squeezed || self.is_blocked(look, &pushing) {
             self.state.blocked += passed;
             let deepest = pushing.iter().map(|contact| contact.overlap / contact.smaller_radius).fold(0.0, f64::max);
             self.state.deepest = self.state.deepest.max(deepest);
@@ -151,11 +162,19 @@ impl BackingUpWatch {
         Some(self.report(look, &pushing))
     }
 
-    fn pushes(&self, contact: &GhostContact) -> bool {
+    fn is_pressed(&self, contact: &GhostContact) -> bool {
         let share = contact.overlap / contact.smaller_radius;
-        let pressed = share > PRESSED && share > BEYOND_UPSTREAM * self.upstream_overlap;
-        let limit = if pressed { YIELDING } else { RESTING };
+        share > PRESSED && share > BEYOND_UPSTREAM * self.upstream_overlap
+    }
+
+    fn pushes(&self, contact: &GhostContact) -> bool {
+        let limit = if self.is_pressed(contact) { YIELDING } else { RESTING };
         contact.ghost_speed > self.creeping && contact.resident_speed < limit * contact.ghost_speed
+    }
+
+    fn squeezes(&self, contact: &GhostContact) -> bool {
+        let slower = contact.ghost_speed > self.creeping && contact.resident_speed < contact.ghost_speed;
+        slower && self.is_pressed(contact)
     }
 
     fn is_blocked(&self, look: &GateLook, pushing: &[&GhostContact]) -> bool {
@@ -172,8 +191,8 @@ impl BackingUpWatch {
         let (resident, ghost) = (mean(|contact| contact.resident_speed), mean(|contact| contact.ghost_speed));
         let (lasting, deepest) = (self.state.blocked, self.state.deepest);
         let words = format!(
-            "the downstream backs up to gate {:?}: at {:.6} s, and for {lasting:.6} s now, ghosts are driven into particles that rest \
-             just beyond it: {} of {} contacts, at {ghost:.3} m/s along the normal against {resident:.3} m/s, overlaps up to {:.1} % \
+            "the downstream backs up to gate {:?}: at {:.6} s, and for {lasting:.6} s now, ghosts are driven into particles just \
+             beyond it that rest or cannot yield: {} of {} contacts, at {ghost:.3} m/s along the normal against {resident:.3} m/s, overlaps up to {:.1} % \
              of the radius ({:.1} % at the crossings upstream). what cannot flow off would hold back the upstream, which a replay \
              cannot know: put the gate farther upstream, compute these stages together (run --whole), or set `backing_up` to \
              \"warn\" to go on nevertheless",
@@ -194,6 +213,12 @@ impl BackingUpWatch {
             words,
         }
     }
+}
+
+/// Whether many of the ghosts near the plane are among those of `squeezing`.
+fn is_squeezed(look: &GateLook, squeezing: &[&GhostContact]) -> bool {
+    let ghosts: BTreeSet<ParticleId> = squeezing.iter().map(|contact| contact.ghost).collect();
+    ghosts.len() >= FEWEST_PRESSED && ghosts.len() as f64 >= PRESSED_GHOSTS * look.near as f64
 }
 
 #[cfg(test)]

@@ -6,9 +6,9 @@
 //! Only particles near the plane are kept in a table: those before it, within the path length, and those that have passed and
 //! are still in the run. All others need not even be shown ([`Recorder::view`]).
 //!
-//! Before the gate's first crossing only the newest two motions of every path are kept: downstream there is nobody yet on whom
-//! a ghost could act, and a hopper may rest above its closed outlet for long. Residents that the downstream stage has of its own
-//! meet ghosts with correspondingly short paths until then.
+//! Before the gate's first crossing only the newest motions of every path are kept, back to the last look at which ghosts enter:
+//! downstream there is nobody yet on whom a ghost could act, and a hopper may rest above its closed outlet for long.
+//! Residents that the downstream stage has of its own meet ghosts with correspondingly short paths until then.
 
 mod checkpoint;
 mod fate;
@@ -29,8 +29,12 @@ use crate::scene::gate::{ExclusionMode, Fate, Gate, PassingPoint, PathRecording}
 use profile::FreeFlowProfile;
 use std::ops::RangeInclusive;
 
-/// Motions kept of a path before the first crossing.
-const MOTIONS_BEFORE_FIRST_CROSSING: usize = 2;
+/// Motions, `every` so many time steps, that are kept of a path before the first crossing: a ghost enters at the last multiple of
+/// [`HAND_OVER_STEPS`] before the first release, and those who touch that particle must be there when it becomes free.
+const fn motions_before_first_crossing(every: u64) -> usize {
+    HAND_OVER_STEPS.div_ceil(every) as usize + 2
+}
+
 /// |a - g| above this share of |g| means that a particle is in contact.
 const CONTACT_ACCELERATION: f64 = 1e-9;
 
@@ -118,7 +122,7 @@ impl Approach {
             if self.path.is_empty() {
                 self.path_start = self.step;
             }
-            if !started && self.path.len() >= MOTIONS_BEFORE_FIRST_CROSSING {
+            if !started && self.path.len() >= motions_before_first_crossing(paths.every) {
                 self.path.remove(0);
                 self.path_start += paths.every;
             }

@@ -1,7 +1,7 @@
 //! A gate that is recorded.
 
 use crate::backend::BackendError;
-use crate::backend::native::{NAME, NUMERICS_VERSION, Request};
+use crate::backend::native::{NAME, NUMERICS_VERSION, Request, feed_numbers};
 use crate::dem::held_contact::HeldContact;
 use crate::dem::inspect::Partner;
 use crate::dem::law::Compatibility;
@@ -75,7 +75,7 @@ impl Recording {
         let length = gate.paths.map_or(gate.exclusion.length, |paths| paths.length);
         let mut statistics = CrossingStatistics::new(gate.plane.normal, &scene.gravity, scene.body, length);
         let place = request.folder.join("streams").join(&gate.name);
-        let origin = origin(scene, order, request, simulation);
+        let origin = origin(scene, order, request, simulation)?;
         let writer = match held {
             None => {
                 // Left by a run into this folder that was killed before it could say that it was done.
@@ -130,11 +130,7 @@ impl Recording {
         }
         match look.error {
             None => Ok(()),
-            Some(what) => Err(BackendError::Gate {
-                what: format!("gate '{}': {what}", self.gate.name),
-                time: simulation.time(),
-                steps: simulation.steps_done(),
-            }),
+            Some(what) => Err(BackendError::Gate { what, time: simulation.time(), steps: simulation.steps_done() }),
         }
     }
 
@@ -209,14 +205,19 @@ fn recorder_state(reader: &ColumnReader, prefix: &str) -> Result<RecorderState, 
     Ok(state)
 }
 
-fn origin(scene: &Scene, order: &split::Recording, request: &Request, simulation: &Simulation) -> Origin {
+fn origin(
+    scene: &Scene,
+    order: &split::Recording,
+    request: &Request,
+    simulation: &Simulation,
+) -> Result<Origin, StorageError> {
     let gate = &order.gate;
     let law = &scene.law;
     let ahead = match law.compatibility {
         Compatibility::Tollgate => "memories stand half a time step ahead of the grid state",
         Compatibility::Liggghts => "memories stand at the grid state",
     };
-    Origin {
+    Ok(Origin {
         gate: gate.name.clone(),
         plane: gate.plane,
         passage: gate.passage,
@@ -234,20 +235,22 @@ fn origin(scene: &Scene, order: &split::Recording, request: &Request, simulation
         contacts: true,
         part_names: scene.parts.iter().map(|part| part.name.clone()).collect(),
         body: scene.body,
-        feeds: feed_names(scene, request),
+        feeds: feed_names(scene, request)?,
         laws: format!("{:?}, tangential {:?}, rolling {:?}; {ahead}", law.normal, law.tangential, law.rolling),
         provenance: Vec::new(),
-    }
+    })
 }
 
 /// Names of feeds by number; those that particles of replayed streams have beyond the scene's own bear the stream's name.
-fn feed_names(scene: &Scene, request: &Request) -> Vec<String> {
+fn feed_names(scene: &Scene, request: &Request) -> Result<Vec<String>, StorageError> {
     let mut names: Vec<String> = scene.feeds.iter().map(|feed| feed.name.clone()).collect();
+    let own = feed_numbers(scene)? as usize;
+    (names.len()..own).for_each(|number| names.push(format!("start {number}")));
     for order in request.replays {
         let end = (order.feed_offset + order.feed_numbers) as usize;
         (names.len()..end).for_each(|number| names.push(format!("{} {number}", order.name)));
     }
-    names
+    Ok(names)
 }
 
 fn seen(view: &ParticleView) -> Seen {
