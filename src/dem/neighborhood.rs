@@ -8,6 +8,7 @@ use super::neighbor::list::{Images, InnerList, Memory};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::particles::{Particles, Sphere};
 use super::simulation::Simulation;
+use super::wall::Candidate;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
 use crate::math::{Bounds, Vec3};
 use serde::{Deserialize, Serialize};
@@ -79,7 +80,7 @@ pub struct Neighborhood {
 
 /// Share of the outer skin that the inner list keeps: between 0.02 and 0.1 of a diameter no effect on speed was seen.
 const INNER_SHARE: f64 = 0.2;
-/// Share of the inner skin used up at which a list is renewed rather than measured again.
+/// Share of a skin used up at which a list is renewed rather than measured again.
 const RENEW_SHARE: f64 = 0.5;
 
 impl Neighborhood {
@@ -349,9 +350,10 @@ impl Simulation {
         let order = self.neighborhood.storage_order(&self.particles.spheres);
         self.particles.reorder(&order);
         let walls = self.take_wall_contacts(&order);
+        let near = self.take_wall_candidates();
         self.neighborhood.make_lists(&self.particles.spheres, &order, &held, &self.threads);
         self.give_wall_contacts(walls);
-        self.collect_wall_candidates();
+        self.give_wall_candidates(&near, &order);
     }
 
     /// Drops the particles that `keep` refuses, and makes every list anew.
@@ -365,9 +367,10 @@ impl Simulation {
         self.particles.reorder(&order);
         let from_old: Vec<u32> = order.iter().map(|&index| kept[index as usize]).collect();
         let walls = self.take_wall_contacts(&from_old);
+        let near = self.take_wall_candidates();
         self.neighborhood.make_lists(&self.particles.spheres, &from_old, &held, &self.threads);
         self.give_wall_contacts(walls);
-        self.collect_wall_candidates();
+        self.give_wall_candidates(&near, &from_old);
     }
 
     fn wrap_periodic(&mut self) {
@@ -417,6 +420,38 @@ impl Simulation {
             }
             chunk.part_loads = vec![PartLoad::default(); parts];
         }
+    }
+
+    /// The elements of parts near each particle, and how many particles there were when the lists were made.
+    fn take_wall_candidates(&mut self) -> (Vec<WallCandidates>, usize) {
+        let count = self.neighborhood.chunks.last().map_or(0, |chunk| chunk.range.end);
+        (self.neighborhood.chunks.iter_mut().map(|chunk| std::mem::take(&mut chunk.near_walls)).collect(), count)
+    }
+
+    /// Goes on with the elements near each particle, renumbered: `old_index[new] = old`. Those of newcomers, and all where much
+    /// of the skin is used up or a particle may have gone round a periodic border, are collected.
+    fn give_wall_candidates(&mut self, (held, count): &(Vec<WallCandidates>, usize), old_index: &[u32]) {
+        let ListSettings { skin, periodic, .. } = self.neighborhood.settings;
+        if periodic != [false; 3] || self.neighborhood.approached_walls > RENEW_SHARE * skin {
+            self.collect_wall_candidates();
+            return;
+        }
+        let mut rows: Vec<&[Candidate]> = vec![&[]; *count];
+        held.iter().flat_map(WallCandidates::rows).for_each(|(index, found)| rows[index] = found);
+        let (spheres, walls) = (&self.particles.spheres, &self.walls);
+        let chunks: Vec<&mut Chunk> = self.neighborhood.chunks.iter_mut().collect();
+        self.threads.for_each(chunks, |chunk| {
+            let mut found = Vec::new();
+            for index in chunk.range.clone() {
+                let Some(row) = rows.get(old_index[index] as usize) else {
+                    let sphere = &spheres[index];
+                    walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
+                    chunk.near_walls.push(index, &found);
+                    continue;
+                };
+                chunk.near_walls.push(index, row);
+            }
+        });
     }
 
     /// Collects the elements of parts near each particle.

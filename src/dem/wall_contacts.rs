@@ -47,13 +47,23 @@ impl WallCandidates {
         for index in range {
             let sphere = &spheres[index];
             walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
-            if !found.is_empty() {
-                let from = result.candidates.len() as u32;
-                result.candidates.extend_from_slice(&found);
-                result.rows.push((index as u32, from, result.candidates.len() as u32));
-            }
+            result.push(index, &found);
         }
         result
+    }
+
+    /// Adds the elements near the particle stored at `index`, which follows all that are here.
+    pub fn push(&mut self, index: usize, found: &[Candidate]) {
+        if !found.is_empty() {
+            let from = self.candidates.len() as u32;
+            self.candidates.extend_from_slice(found);
+            self.rows.push((index as u32, from, self.candidates.len() as u32));
+        }
+    }
+
+    /// The particles, by storage index, and the elements near each.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, &[Candidate])> {
+        self.rows.iter().map(|&(index, from, to)| (index as usize, &self.candidates[from as usize..to as usize]))
     }
 }
 
