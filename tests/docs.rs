@@ -1,7 +1,7 @@
 //! What the documentation shows runs: commands against the program, scenes against the reader, links and lists against the tree.
 //!
-//! Marked commands (```` ```sh runnable ````) run in one temporary folder a page, in the page's order. A `toml` block that starts
-//! with `version` is a whole scene; any other is judged by what it says, not by what it leaves out.
+//! Marked commands (```` ```sh runnable ````) run in one temporary folder a page, in the page's order; a block that is called
+//! ```` ```toml NAME ```` is there under that name. A `toml` block that starts with `version` is a whole scene; any other is judged by what it says, not by what it leaves out.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use regex::Regex;
@@ -125,6 +125,9 @@ fn commands_of_the_documentation_run() {
     for page in pages() {
         let folder = tempfile::tempdir().unwrap();
         for block in blocks_of(&page) {
+            if let Some(("toml", name)) = block.language.split_once(' ') {
+                fs::write(folder.path().join(name), &block.text).unwrap();
+            }
             let Some(script) = script(&block) else { continue };
             ran += 1;
             if let Err(reason) = run_script(&script, folder.path()) {
@@ -139,7 +142,7 @@ fn commands_of_the_documentation_run() {
 fn scenes_of_the_documentation_are_read() {
     let mut read = 0;
     for page in pages() {
-        for block in blocks_of(&page).iter().filter(|block| block.language == "toml") {
+        for block in blocks_of(&page).iter().filter(|block| block.language.split(' ').next() == Some("toml")) {
             read += 1;
             if let Some(wrong) = wrong_scene(&block.text, root()) {
                 panic!("{}:{}:\n{wrong}", name_of(&page), block.line);
