@@ -136,7 +136,8 @@ pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, 
 fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
     let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
     let plan = accepted_plan(&scene, request.force)?;
-    let is_cut = !scene.gates.is_empty();
+    // A scene that only replays stored streams has stages and no gate.
+    let is_cut = !(scene.gates.is_empty() && scene.stages.is_empty());
     let jobs = match (is_cut, request.whole) {
         (false, _) => vec![StageJob::uncut(&scene)],
         (true, true) => whole_jobs(&scene),

@@ -25,6 +25,14 @@ pub struct PrescribedMotion {
 /// before it: short beside usual overlaps.
 const SHORT_JUMP: f64 = 1e-3;
 
+/// Who is on a recorded path, looked up once for each making of the neighbour lists. Some may have left theirs since.
+#[derive(Debug, Default)]
+pub struct RecordedParticles {
+    /// Making of the lists for which the indices hold.
+    generation: Option<u64>,
+    indices: Vec<usize>,
+}
+
 impl PrescribedMotion {
     /// The motion `timestep` [s] later if both accelerations stay as they are; the centre by the solver's own arithmetic.
     pub(super) fn move_on(&mut self, timestep: f64) {
@@ -80,6 +88,7 @@ impl Simulation {
         let marked = self.marks(indices.iter().copied());
         let springs = self.springs_of(&marked);
         let mut tether_cut = false;
+        self.recorded.generation = None;
         for index in indices {
             let before = self.particles.velocities[index].path;
             if !before.is_prescribed() {
@@ -108,9 +117,10 @@ impl Simulation {
     /// velocities that the contact laws see are the recorded run's, to the last bit. A jump farther than the neighbour skin makes
     /// contacts whose springs the energy budget does not see.
     pub fn steer(&mut self, mut motion: impl FnMut(ParticleId) -> Option<PrescribedMotion>) {
-        let mut steered = Vec::new();
-        for (index, velocity) in self.particles.velocities.iter().enumerate() {
-            if velocity.path == Path::Recorded
+        self.find_recorded();
+        let mut steered = Vec::with_capacity(self.recorded.indices.len());
+        for &index in &self.recorded.indices {
+            if self.particles.velocities[index].path == Path::Recorded
                 && let Some(motion) = motion(self.particles.ids[index])
             {
                 steered.push((index, motion));
@@ -121,6 +131,16 @@ impl Simulation {
             if let Some(motion) = motion(tether.id) {
                 tether.target = motion;
             }
+        }
+    }
+
+    /// Renews the list of particles on recorded paths where the order of storage has changed or somebody may have joined them.
+    fn find_recorded(&mut self) {
+        let generation = Some(self.neighborhood.generation());
+        if self.recorded.generation != generation {
+            let velocities = self.particles.velocities.iter().enumerate();
+            let recorded = velocities.filter(|(_, velocity)| velocity.path == Path::Recorded).map(|(index, _)| index);
+            self.recorded = RecordedParticles { generation, indices: recorded.collect() };
         }
     }
 

@@ -69,6 +69,9 @@ impl Simulation {
     /// identities are left out. A prescribed particle has contacts with free particles only: ask before it is frozen.
     #[must_use]
     pub fn contacts_of(&self, ids: &[ParticleId]) -> Vec<(ParticleId, Vec<HeldContact>)> {
+        if ids.is_empty() {
+            return Vec::new();
+        }
         let found = self.indices_of(ids);
         let mut slot_of: Vec<(usize, usize)> = Vec::with_capacity(ids.len());
         let mut lists: Vec<(ParticleId, Vec<HeldContact>)> = Vec::with_capacity(ids.len());

@@ -14,6 +14,9 @@ impl Indices {
     /// Finds `wanted` in `ids` in one pass.
     #[must_use]
     pub fn find(ids: &[ParticleId], wanted: &[ParticleId]) -> Self {
+        if wanted.is_empty() {
+            return Self::default();
+        }
         let mut sorted = wanted.to_vec();
         sorted.sort_unstable();
         sorted.dedup();

@@ -73,6 +73,8 @@ pub struct Neighborhood {
     moved_since_inner: f64,
     /// Upper bound on the approach of particles and parts since their candidates were collected [m].
     approached_walls: f64,
+    /// How often the lists were made: the storage order is the same while it is.
+    generation: u64,
 }
 
 /// Share of the outer skin that the inner list keeps: between 0.02 and 0.1 of a diameter no effect on speed was seen.
@@ -96,7 +98,18 @@ impl Neighborhood {
             moved_since_outer: 0.0,
             moved_since_inner: 0.0,
             approached_walls: 0.0,
+            generation: 0,
         }
+    }
+
+    /// How often the lists were made: the storage order is the same while it is.
+    pub(super) const fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Upper bound on how far any particle is from its outer reference centre [m].
+    pub(super) const fn moved_since_outer(&self) -> f64 {
+        self.moved_since_outer
     }
 
     /// Books one time step: no particle moved farther than `particles` [m], no part's surface farther than `parts` [m].
@@ -155,6 +168,7 @@ impl Neighborhood {
         self.outer_reference = spheres.iter().map(|sphere| sphere.centre).collect();
         self.smallest_radius = spheres.iter().map(|sphere| sphere.radius).fold(f64::INFINITY, f64::min);
         self.moved_since_outer = 0.0;
+        self.generation += 1;
         self.prune_with(spheres, threads, |chunk, row, candidate| {
             held.of(old_index[chunk.range.start + row], old_index[candidate.partner as usize])
         });

@@ -16,3 +16,11 @@ pub struct PhaseTimes {
     /// Watchdog.
     pub watchdog: Duration,
 }
+
+impl PhaseTimes {
+    /// All phases together.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.feeds + self.neighborhood + self.contacts + self.integration + self.watchdog
+    }
+}

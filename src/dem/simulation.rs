@@ -3,6 +3,7 @@
 use super::energy::EnergyBudget;
 use super::feed::Feed;
 use super::feed::runner::FeedRunner;
+use super::ghost::RecordedParticles;
 use super::inspect::Partner;
 use super::law::constants::LawTable;
 use super::law::{LawSettings, RollingLaw};
@@ -92,6 +93,7 @@ pub struct Simulation {
     pub(super) booked: EnergyBudget,
     pub(super) momentum: MomentumAccount,
     pub(super) tethers: Vec<Tether>,
+    pub(super) recorded: RecordedParticles,
     pub(super) removed: Vec<Removal>,
     pub(super) watchdog: Watchdog,
     pub(super) phases: super::phase::PhaseTimes,
@@ -130,6 +132,7 @@ impl Simulation {
             booked: EnergyBudget::default(),
             momentum: MomentumAccount::default(),
             tethers: Vec::new(),
+            recorded: RecordedParticles::default(),
             removed: Vec::new(),
             watchdog: Watchdog::default(),
             phases: super::phase::PhaseTimes::default(),

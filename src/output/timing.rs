@@ -17,6 +17,8 @@ pub enum Phase {
     Integration,
     /// Insertion and removal.
     Feeds,
+    /// Recording, ghosts and what else is done at gates.
+    Gates,
     /// Writing of files.
     Output,
     /// Everything else.
@@ -25,8 +27,8 @@ pub enum Phase {
 
 impl Phase {
     /// All phases, in the order of a time step.
-    pub const ALL: [Self; 6] =
-        [Self::Neighbour, Self::Contacts, Self::Integration, Self::Feeds, Self::Output, Self::Other];
+    pub const ALL: [Self; 7] =
+        [Self::Neighbour, Self::Contacts, Self::Integration, Self::Feeds, Self::Gates, Self::Output, Self::Other];
 
     /// Name in tables and in `summary.json`.
     #[must_use]
@@ -36,6 +38,7 @@ impl Phase {
             Self::Contacts => "contacts",
             Self::Integration => "integration",
             Self::Feeds => "feeds",
+            Self::Gates => "gates",
             Self::Output => "output",
             Self::Other => "other",
         }

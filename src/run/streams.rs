@@ -8,6 +8,7 @@ use crate::gate::stream::reader::StreamReader;
 use crate::scene::Scene;
 use crate::scene::gate::StreamSource;
 use crate::stage::split::StageJob;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// A stream that enters a stage.
@@ -23,6 +24,38 @@ pub struct StreamInput {
     pub manifest: Manifest,
     /// What of it does not fit, and was accepted.
     pub misfits: Vec<String>,
+    /// Where its particles come from; `None` for a stored stream.
+    pub descent: Option<Descent>,
+}
+
+/// Through which gates the particles of a gate's stream have come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Descent {
+    /// The gate, as an index into the scene's.
+    gate: usize,
+    /// The job that records it.
+    recorder: usize,
+    /// This gate and all those upstream whose streams are replayed on the way to it.
+    gates: BTreeSet<usize>,
+}
+
+impl Descent {
+    fn of(scene: &Scene, jobs: &[StageJob], gate: usize) -> Option<Self> {
+        let records = |job: &StageJob| job.records.iter().any(|record| record.gate.name == scene.gates[gate].name);
+        let recorder = jobs.iter().position(records)?;
+        let mut gates = BTreeSet::from([gate]);
+        for replay in &jobs[recorder].replays {
+            if let StreamSource::Gate(upstream) = replay.source {
+                gates.extend(Self::of(scene, jobs, upstream)?.gates);
+            }
+        }
+        Some(Self { gate, recorder, gates })
+    }
+
+    /// Whether one particle can be in both streams: they are the same, or have come through the same gate into different stages.
+    fn meets(&self, other: &Self) -> bool {
+        self.gate == other.gate || (self.recorder != other.recorder && !self.gates.is_disjoint(&other.gates))
+    }
 }
 
 impl StreamInput {
@@ -96,7 +129,11 @@ pub fn inputs(
                 misfits.join("\n  ")
             )));
         }
-        inputs.push(StreamInput { name, digest: manifest.digest(), place, manifest, misfits });
+        let descent = match replay.source {
+            StreamSource::Gate(gate) => Descent::of(scene, jobs, gate),
+            StreamSource::Folder(_) => None,
+        };
+        inputs.push(StreamInput { name, digest: manifest.digest(), place, manifest, misfits, descent });
     }
     Ok(inputs)
 }
@@ -105,17 +142,19 @@ pub fn inputs(
 pub fn replays(job: &StageJob, inputs: &[StreamInput]) -> Vec<ReplayOrder> {
     let own = job.scene.feeds.len() as u32;
     let mut next = own;
-    let mut used: Vec<&StreamSource> = Vec::new();
+    let mut used: Vec<&Descent> = Vec::new();
     job.replays
         .iter()
         .zip(inputs)
         .map(|(replay, input)| {
             let width =
                 input.manifest.origin.feeds.len() as u32 * u32::try_from(replay.loops).unwrap_or(u32::MAX).max(1);
-            // A stream of this scene keeps its identities, unless it comes a second time.
-            let keeps = matches!(replay.source, StreamSource::Gate(_)) && !used.contains(&&replay.source);
+            // A stream of this scene keeps its identities, unless they are taken: by the same particles on another way, or by
+            // loops and stored streams, whose identities lie beyond those of the scene's feeds.
+            let is_free = |own: &Descent| used.iter().all(|other| !own.meets(other));
+            let keeps = input.descent.as_ref().is_some_and(is_free) && (width <= own || next == own);
             let feed_offset = if keeps { 0 } else { next };
-            used.push(&replay.source);
+            used.extend(&input.descent);
             next = next.max(feed_offset + width);
             ReplayOrder {
                 name: input.name.clone(),

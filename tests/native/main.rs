@@ -11,5 +11,6 @@ mod held_contacts;
 mod lists;
 mod prescribed;
 mod tether;
+mod views;
 mod walls;
 mod watchdog;

@@ -4,7 +4,7 @@
 //! aperture. s = 0 exactly at a time step has passed; a path that turns just before has not.
 //!
 //! Only particles near the plane are kept in a table: those before it, within the path length, and those that have passed and
-//! are still in the run. All others cost one dot product a time step.
+//! are still in the run. All others need not even be shown ([`Recorder::view`]).
 //!
 //! Before the gate's first crossing only the newest two motions of every path are kept: downstream there is nobody yet on whom
 //! a ghost could act, and a hopper may rest above its closed outlet for long. Residents that the downstream stage has of its own
@@ -25,8 +25,9 @@ use super::crossing::{Crossing, Motion, Passage, Seen, StoredContact};
 use super::id_map::IdMap;
 use crate::math::Vec3;
 use crate::particle::{ParticleId, ParticleState};
-use crate::scene::gate::{ExclusionMode, Fate, Gate, PassingPoint};
+use crate::scene::gate::{ExclusionMode, Fate, Gate, PassingPoint, PathRecording};
 use profile::FreeFlowProfile;
+use std::ops::RangeInclusive;
 
 /// Motions kept of a path before the first crossing.
 const MOTIONS_BEFORE_FIRST_CROSSING: usize = 2;
@@ -106,6 +107,26 @@ struct Fresh {
     path_start: u64,
 }
 
+impl Approach {
+    /// Adds the present motion to the path if it is to be stored. Before the gate's first crossing (`started` false) only the newest
+    /// motions are kept.
+    fn prolong(&mut self, paths: Option<PathRecording>, started: bool) {
+        let Some(paths) = paths else { return };
+        if self.distance < -paths.length {
+            self.path.clear();
+        } else if self.step.is_multiple_of(paths.every) {
+            if self.path.is_empty() {
+                self.path_start = self.step;
+            }
+            if !started && self.path.len() >= MOTIONS_BEFORE_FIRST_CROSSING {
+                self.path.remove(0);
+                self.path_start += paths.every;
+            }
+            self.path.push(self.motion);
+        }
+    }
+}
+
 impl Recorder {
     /// A recorder of `gate` for a run with `gravity` [m/s2] and `timestep` [s] whose largest particle has `largest_diameter` [m].
     #[must_use]
@@ -133,25 +154,44 @@ impl Recorder {
         }
     }
 
-    /// Looks at all particles after time step `step`; to be called after every one.
+    /// Distances of the passing point from the plane [m] within which particles matter after time step `step`, when nothing
+    /// must be seen elsewhere; at other time steps and once somebody came back, beyond it too ([`Recorder::view`]).
+    #[must_use]
+    pub fn zone(&self) -> RangeInclusive<f64> {
+        // A band twice as wide, for a distance that is known up to round-off only.
+        -2.0 * self.band..=2.0 * self.gate.exclusion.length
+    }
+
+    /// Distances [m] within which particles must be seen after time step `step`; `None` where those within [`Recorder::zone`]
+    /// suffice. At the hand-over whoever is behind the plane, and one that came back over it is followed wherever it goes.
+    #[must_use]
+    pub fn view(&self, step: u64) -> Option<RangeInclusive<f64>> {
+        let anywhere = self.tally.returned > 0;
+        let from = if anywhere { f64::NEG_INFINITY } else { *self.zone().start() };
+        step.is_multiple_of(HAND_OVER_STEPS).then_some(from..=f64::INFINITY)
+    }
+
+    /// How far the point that passes lies from the centre along the plane's normal, per radius.
+    #[must_use]
+    pub fn passing_point(&self) -> f64 {
+        self.to_passing_point.dot(&self.gate.plane.normal)
+    }
+
+    /// Looks at particles after time step `step`, at all that [`Recorder::view`] asks for at least; to be called after every one.
     pub fn look(&mut self, step: u64, particles: impl Iterator<Item = Seen>) -> Look {
         let mut look = Look::default();
         self.fresh.clear();
         let handing_over = step.is_multiple_of(HAND_OVER_STEPS);
-        // One dot product a particle; the point of passage lies a fixed share of the radius along the normal.
-        let normal = self.gate.plane.normal;
-        let origin = self.gate.plane.point.dot(&normal);
-        let reach = self.to_passing_point.dot(&normal);
-        let (near, far) = (-self.band, self.gate.exclusion.length);
+        // The point of passage lies a fixed share of the radius along the normal.
+        let reach = self.passing_point();
+        let far = self.gate.exclusion.length;
+        // Who is shown beyond what was asked for depends on the solver's lists: it must not count.
+        let asked = self.view(step).unwrap_or_else(|| self.zone());
         for seen in particles {
-            let rough = seen.motion.position.dot(&normal) - origin + seen.radius * reach;
-            // Far from the plane a rough distance will do; near it the plane's own is exact on the plane itself.
-            // One that came back over the plane is followed wherever it goes.
-            let anywhere = handing_over && self.tally.returned > 0;
-            if (rough < 2.0 * near && !anywhere) || (rough > 2.0 * far && !handing_over) {
+            let distance = self.gate.plane.distance(&seen.motion.position) + seen.radius * reach;
+            if !asked.contains(&distance) {
                 continue;
             }
-            let distance = self.gate.plane.distance(&seen.motion.position) + seen.radius * reach;
             if distance < 0.0 {
                 self.see_before(step, &seen, distance, &mut look);
             } else if distance <= far || handing_over {
@@ -167,33 +207,21 @@ impl Recorder {
     }
 
     fn see_before(&mut self, step: u64, seen: &Seen, distance: f64, look: &mut Look) {
-        if distance < -self.band && !self.after.contains_key(&seen.id) {
-            return;
-        }
-        if self.after.contains_key(&seen.id) {
+        // Nobody is in both tables; most of those seen here have been seen here before.
+        let approach = if distance < -self.band { None } else { self.before.get_mut(&seen.id) };
+        if let Some(approach) = approach {
+            if approach.step + 1 < step {
+                // It was away: the path that was begun then is not this one.
+                approach.path.clear();
+            }
+            (approach.step, approach.distance, approach.motion) = (step, distance, seen.motion);
+            approach.prolong(self.gate.paths, self.tally.recorded > 0);
+        } else if self.after.contains_key(&seen.id) {
             self.see_returned(step, seen, distance, look);
-            return;
-        }
-        let started = self.tally.recorded > 0;
-        let fresh = Approach { step, distance, motion: seen.motion, path: Vec::new(), path_start: step };
-        let approach = self.before.entry(seen.id).or_insert(fresh);
-        if approach.step + 1 < step {
-            // It was away: the path that was begun then is not this one.
-            approach.path.clear();
-        }
-        (approach.step, approach.distance, approach.motion) = (step, distance, seen.motion);
-        let Some(paths) = self.gate.paths else { return };
-        if distance < -paths.length {
-            approach.path.clear();
-        } else if step.is_multiple_of(paths.every) {
-            if approach.path.is_empty() {
-                approach.path_start = step;
-            }
-            if !started && approach.path.len() >= MOTIONS_BEFORE_FIRST_CROSSING {
-                approach.path.remove(0);
-                approach.path_start += paths.every;
-            }
-            approach.path.push(seen.motion);
+        } else if distance >= -self.band {
+            let mut approach = Approach { step, distance, motion: seen.motion, path: Vec::new(), path_start: step };
+            approach.prolong(self.gate.paths, self.tally.recorded > 0);
+            self.before.insert(seen.id, approach);
         }
     }
 

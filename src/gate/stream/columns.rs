@@ -121,7 +121,7 @@ pub fn from_columns(
     let contact_counts = taken.u64s("contact_count", count)?;
     let (path_start, path_counts) = (taken.u64s("path_start", count)?, taken.u64s("path_count", count)?);
     let mut contacts = Ranges::new(contacts(&mut taken)?);
-    let mut motions = Ranges::new(motions(&mut taken)?);
+    let mut motions = Motions::take(&mut taken)?;
     let mut crossings = Vec::with_capacity(count);
     for row in 0..count {
         let refuse = |what| taken.refuse(&format!("crossing {row} claims {what} than are there"));
@@ -206,20 +206,52 @@ fn contacts(taken: &mut Taken) -> Result<Vec<StoredContact>, StorageError> {
     Ok((0..count).map(contact).collect())
 }
 
-fn motions(taken: &mut Taken) -> Result<Vec<Motion>, StorageError> {
-    let Column::Vec3(position) = taken.column("path_position", None)? else { return Err(taken.wrong("path_position")) };
-    let count = position.len();
-    let (velocity, spin) = (taken.vectors("path_velocity", count)?, taken.vectors("path_spin", count)?);
-    let acceleration = taken.vectors("path_acceleration", count)?;
-    let spin_acceleration = taken.vectors("path_spin_acceleration", count)?;
-    let motion = |row: usize| Motion {
-        position: position[row],
-        velocity: velocity[row],
-        spin: spin[row],
-        acceleration: acceleration[row],
-        spin_acceleration: spin_acceleration[row],
-    };
-    Ok((0..count).map(motion).collect())
+/// The columns of paths, handed out path by path.
+struct Motions {
+    position: Vec<Vec3>,
+    velocity: Vec<Vec3>,
+    spin: Vec<Vec3>,
+    acceleration: Vec<Vec3>,
+    spin_acceleration: Vec<Vec3>,
+    next: usize,
+}
+
+impl Motions {
+    fn take(taken: &mut Taken) -> Result<Self, StorageError> {
+        let Column::Vec3(position) = taken.column("path_position", None)? else {
+            return Err(taken.wrong("path_position"));
+        };
+        let count = position.len();
+        Ok(Self {
+            position: position.into_owned(),
+            velocity: taken.vectors("path_velocity", count)?,
+            spin: taken.vectors("path_spin", count)?,
+            acceleration: taken.vectors("path_acceleration", count)?,
+            spin_acceleration: taken.vectors("path_spin_acceleration", count)?,
+            next: 0,
+        })
+    }
+
+    fn next(&mut self, count: u64) -> Option<Vec<Motion>> {
+        let end = usize::try_from(count).ok().and_then(|count| self.next.checked_add(count))?;
+        if end > self.position.len() {
+            return None;
+        }
+        let motion = |row: usize| Motion {
+            position: self.position[row],
+            velocity: self.velocity[row],
+            spin: self.spin[row],
+            acceleration: self.acceleration[row],
+            spin_acceleration: self.spin_acceleration[row],
+        };
+        let path = (self.next..end).map(motion).collect();
+        self.next = end;
+        Some(path)
+    }
+
+    const fn left(&self) -> usize {
+        self.position.len() - self.next
+    }
 }
 
 /// Columns that are being taken, and where they come from.

@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 
 /// A chunk is sealed at so many crossings,
 pub const CHUNK_CROSSINGS: usize = 8192;
-/// or at so many motions of paths (16 MB). Fixed numbers only: a resumed run seals the same chunks.
-pub const CHUNK_MOTIONS: usize = 131_072;
+/// or at so many motions of paths (4 MB). Fixed numbers only: a resumed run seals the same chunks.
+pub const CHUNK_MOTIONS: usize = 32_768;
 
 /// What is known of a stream when its stage has ended.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -144,8 +144,10 @@ impl ColumnReader {
     /// # Errors
     /// As [`ColumnReader::f64s`].
     pub fn vec3s(&self, name: &str) -> Result<Vec<Vec3>, StorageError> {
-        let flat = self.numbers(name, NumberType::F64, 3, f64::from_le_bytes)?;
-        Ok(flat.chunks_exact(3).map(|xyz| Vec3::new(xyz[0], xyz[1], xyz[2])).collect())
+        self.numbers(name, NumberType::F64, 3, |row: [u8; 24]| {
+            let [x, y, z] = std::array::from_fn(|axis| std::array::from_fn(|byte| row[8 * axis + byte]));
+            Vec3::new(f64::from_le_bytes(x), f64::from_le_bytes(y), f64::from_le_bytes(z))
+        })
     }
 
     /// Reads the column `name` of u64.
@@ -203,7 +205,7 @@ impl ColumnReader {
             return Err(self.refuse(reason));
         }
         // The product was held against the file's size when the file was opened.
-        let mut values = Vec::with_capacity((entry.length * entry.components) as usize);
+        let mut values = Vec::with_capacity(entry.bytes().unwrap_or_default() as usize / N);
         self.read(entry, |bytes| {
             values.extend(bytes.as_chunks::<N>().0.iter().map(|&number| value(number)));
         })?;
@@ -219,10 +221,10 @@ impl ColumnReader {
         let mut source = self.source.borrow_mut();
         source.seek(SeekFrom::Start(self.base + entry.offset)).map_err(failed)?;
         let mut left = entry.bytes().unwrap_or_default();
-        let mut buffer = vec![0; left.min(8 * CHUNK as u64) as usize];
+        let mut buffer = vec![0; left.min(BLOCK) as usize];
         let mut hasher = blake3::Hasher::new();
         while left > 0 {
-            let part = &mut buffer[..left.min(8 * CHUNK as u64) as usize];
+            let part = &mut buffer[..left.min(BLOCK) as usize];
             source.read_exact(part).map_err(failed)?;
             hasher.update(part);
             block(part);
@@ -240,6 +242,9 @@ impl ColumnReader {
 }
 
 /// What next, for a file that cannot be saved.
+/// Bytes that are read at once: whole rows of every kind of column.
+const BLOCK: u64 = (8 * CHUNK as u64).next_multiple_of(24);
+
 const NEXT: &str = "use an older file, or run again from the start";
 
 fn read_up_to(source: &mut dyn Read, buffer: &mut [u8]) -> io::Result<usize> {

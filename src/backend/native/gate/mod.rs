@@ -76,6 +76,11 @@ impl HandOver {
         Ok(Self { arrivals, recordings, kick: request.kick.filter(|_| held.is_none()) })
     }
 
+    /// True where there is nothing to do.
+    pub const fn is_idle(&self) -> bool {
+        self.arrivals.is_empty() && self.recordings.is_empty() && self.kick.is_none()
+    }
+
     /// Does what is due after a time step, and before the first one.
     pub fn look(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
         if let Some(kick) = self.kick.filter(|_| simulation.particle_count() > 0) {

@@ -8,7 +8,7 @@ use crate::dem::law::Compatibility;
 use crate::dem::particles::Path;
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
-use crate::dem::view::ParticleView;
+use crate::dem::view::{NearPlane, ParticleView, PlaneDistance};
 use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
 use crate::gate::quality::{CrossingFigures, CrossingStatistics};
 use crate::gate::record::{RecordTally, Recorder, RecorderState, Role};
@@ -51,6 +51,7 @@ pub struct Recording {
     recorder: Recorder,
     statistics: CrossingStatistics,
     writer: StreamWriter,
+    zone: NearPlane,
 }
 
 impl Recording {
@@ -94,12 +95,21 @@ impl Recording {
                 StreamWriter::resume(&place, origin, sealed, pending)?
             }
         };
-        Ok(Self { gate, observes: order.observes, recorder, statistics, writer })
+        let plane = PlaneDistance::new(&gate.plane.point, &gate.plane.normal, recorder.passing_point());
+        let zone = NearPlane::new(plane, recorder.zone());
+        Ok(Self { gate, observes: order.observes, recorder, statistics, writer, zone })
     }
 
     /// Looks at all particles after a time step.
     pub fn look(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
-        let look = self.recorder.look(simulation.steps_done(), simulation.views().map(|view| seen(&view)));
+        let step = simulation.steps_done();
+        let look = match self.recorder.view(step) {
+            Some(range) => {
+                let all = simulation.views_at(self.zone.plane(), range);
+                self.recorder.look(step, all.map(|view| seen(&view)))
+            }
+            None => self.recorder.look(step, simulation.views_near(&mut self.zone).map(|view| seen(&view))),
+        };
         for (id, contacts) in simulation.contacts_of(&look.crossed) {
             let Some((state, force, torque)) = simulation.loaded_state(id) else { continue };
             let contacts = contacts.iter().map(stored).collect();

@@ -1,0 +1,330 @@
+//! What a cut costs, measured on a real discharge: replicates of split and whole runs, every pair of modes at dense cuts, and how a
+//! split drifts from the whole run. Minutes to an hour of computing: `./validate` runs these and keeps what they print.
+//! Runs go to `TOLLGATE_VALIDATION_RUNS`, else to target/gate_validation; what is there already is not computed again.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "what is printed becomes a page of docs/validation")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use tollgate::analysis::compare::{Comparison, Verdict};
+use tollgate::exit_code;
+use tollgate::math::Vec3;
+use tollgate::output::lammps::DumpReader;
+use tollgate::output::summary::Summary;
+use tollgate::particle::{Body, ParticleId};
+use tollgate::report::figure::{Axis, Figure, Layer, Marks};
+use tollgate::run::comparison::{CompareRequest, compare_runs};
+use tollgate::run::{RunError, RunRequest, run};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn runs() -> PathBuf {
+    std::env::var_os("TOLLGATE_VALIDATION_RUNS").map_or_else(|| root().join("target/gate_validation"), PathBuf::from)
+}
+
+/// A run of the small hopper, or what an earlier one left.
+struct Order<'a> {
+    scene: &'a str,
+    out: PathBuf,
+    settings: Vec<(String, String)>,
+    whole: bool,
+    replicates: u64,
+    perturb: Option<f64>,
+    reuse: Vec<PathBuf>,
+}
+
+impl<'a> Order<'a> {
+    fn new(scene: &'a str, out: &str) -> Self {
+        Self {
+            scene,
+            out: runs().join(out),
+            settings: Vec::new(),
+            whole: false,
+            replicates: 1,
+            perturb: None,
+            reuse: Vec::new(),
+        }
+    }
+
+    fn set(mut self, key: &str, value: impl ToString) -> Self {
+        self.settings.push((key.to_owned(), value.to_string()));
+        self
+    }
+
+    /// The summary, also of a run that the watchdog stopped.
+    fn run(&self) -> Summary {
+        let request = RunRequest {
+            scene: root().join("tests/scenes/hopper").join(self.scene),
+            settings: self.settings.clone(),
+            out: Some(self.out.clone()),
+            whole: self.whole,
+            replicates: self.replicates,
+            perturb: self.perturb,
+            threads: Some(1),
+            reuse: self.reuse.clone(),
+            resume: self.out.exists(),
+            ..RunRequest::default()
+        };
+        match run(&request, &AtomicBool::new(false)) {
+            Ok(report) => report.summary,
+            Err(RunError::Backend(error)) if error.exit_code() == exit_code::UNSTABLE => stopped(&self.out),
+            Err(RunError::StoppedBefore(_)) => stopped(&self.out),
+            Err(error) => panic!("{}: {error:?}", self.out.display()),
+        }
+    }
+}
+
+/// The summary of the stage that was stopped.
+fn stopped(out: &Path) -> Summary {
+    let stages = ["chute", "hopper"].map(|stage| out.join("stages").join(stage).join("summary.json"));
+    let found = stages.iter().filter(|path| path.exists()).map(|path| Summary::read(path).unwrap());
+    found.into_iter().find(|summary| summary.outcome.exit_code != exit_code::DONE).unwrap()
+}
+
+fn number(value: &serde_json::Value) -> f64 {
+    value.as_f64().unwrap_or(f64::NAN)
+}
+
+/// Planes by height [mm] with the length of a buffer that reaches 5 mm below the outlet's rim (z = 200 mm).
+const PLANES: [(f64, f64); 4] = [(198.0, 6.0), (203.0, 8.0), (207.5, 12.5), (215.0, 20.0)];
+
+#[test]
+#[ignore = "half an hour: ./validate"]
+fn every_pair_of_modes_at_dense_cuts() {
+    println!(
+        "plane: height [mm]; rim of the outlet at 200. rate: 15 mm under the rim. overlap: largest between ghost and resident"
+    );
+    println!(
+        "over the smaller radius. speed: largest of any particle. lost: left the domain, or upstream beyond the generation plane."
+    );
+    println!();
+    println!(
+        "| plane | upstream | downstream | in contact | rate kg/s | heap deg | centre x mm | overlap % | speed m/s | lost | cut | ended |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for (height, length) in PLANES {
+        let at = |order: Order<'static>| {
+            order
+                .set("output.frames", "1 s")
+                .set("stage.chute.replay.0.backing_up", "warn")
+                .set("gate.outlet.point_mm", format!("[0, 0, {height}]"))
+        };
+        let mut whole = at(Order::new("scene.toml", &format!("whole-{height}")));
+        whole.whole = true;
+        row(height, "whole", "", &whole.run(), &whole.out);
+        for exclusion in ["buffer", "ballistic", "constant"] {
+            let mut first: Option<PathBuf> = None;
+            for path in ["recorded", "compliant", "ballistic", "constant"] {
+                let l1 = if exclusion == "buffer" { length } else { 6.0 };
+                let mut order = at(Order::new("scene.toml", &format!("{height}-{exclusion}-{path}")))
+                    .set("gate.outlet.exclusion.mode", exclusion)
+                    .set("gate.outlet.exclusion.length_mm", l1)
+                    .set("gate.outlet.paths.every", 10)
+                    .set("stage.chute.replay.0.path", path)
+                    .set("solver.overlap_limit", 1);
+                order.reuse.extend(first.clone());
+                row(height, exclusion, path, &order.run(), &order.out);
+                first.get_or_insert(order.out);
+            }
+        }
+    }
+}
+
+fn row(height: f64, upstream: &str, downstream: &str, summary: &Summary, out: &Path) {
+    let gate = |list: &str| summary.gates.iter().find_map(|gate| gate[list].get(0)).cloned().unwrap_or_default();
+    let (recorded, replayed) = (gate("recorded"), gate("replayed"));
+    let lost: u64 =
+        summary.removed.iter().filter(|row| !row.cause.contains("through a gate")).map(|row| row.count).sum();
+    let measure = |name: &str| summary.measures.get(&format!("chute.{name}")).map_or(f64::NAN, number);
+    let ended = if summary.outcome.exit_code == exit_code::DONE { "done" } else { "stopped" };
+    println!(
+        "| {height} | {upstream} | {downstream} | {:.2} | {:.4} | {:.1} | {:.1} | {:.0} | {:.1} | {} | {} | {ended} |",
+        number(&recorded["crossings"]["contact_share"]),
+        measure("rate_kg_per_s"),
+        measure("heap_deg"),
+        1e3 * measure("centre_x_m"),
+        100.0 * number(&replayed["quality"]["overlaps"]["largest_share"]),
+        largest_speed(&out.join("stages/chute/series.csv")),
+        lost + replayed["left_upstream"].as_u64().unwrap_or(0),
+        replayed["quality"]["grade"].as_str().unwrap_or(""),
+    );
+}
+
+fn largest_speed(series: &Path) -> f64 {
+    tollgate::output::series::Series::read(series).map_or(f64::NAN, |series| {
+        series.column("maximum_speed_m_per_s").unwrap_or_default().iter().copied().fold(0.0, f64::max)
+    })
+}
+
+/// Modes that must agree with the whole run at the gate 10 mm under the outlet: upstream, downstream.
+const MODES: [(&str, &str); 3] = [("constant", "constant"), ("ballistic", "ballistic"), ("buffer", "recorded")];
+
+#[test]
+#[ignore = "twenty minutes: ./validate"]
+fn ten_split_and_ten_whole_runs_agree() {
+    let order = |out: &str| Order::new("scene.toml", out).set("output.frames", "1 s");
+    let mut whole = order("statistics-whole");
+    (whole.whole, whole.replicates) = (true, 10);
+    whole.run();
+    for (exclusion, path) in MODES {
+        let mut split = order(&format!("statistics-{path}"))
+            .set("gate.outlet.exclusion.mode", exclusion)
+            .set("stage.chute.replay.0.path", path)
+            .set("gate.outlet.paths.every", 10);
+        split.replicates = 10;
+        split.run();
+        let comparison = compared(&split.out, &whole.out);
+        println!("\n## {exclusion} upstream, {path} downstream\n");
+        print(&comparison);
+        agrees(&comparison, &format!("{exclusion}, {path}"));
+    }
+}
+
+/// Rate, heap and centre of mass do not differ.
+fn agrees(comparison: &Comparison, what: &str) {
+    for name in ["chute.rate", "chute.heap", "chute.centre_x", "chute.centre_z"] {
+        let found = comparison.measures.iter().find(|measure| measure.name.starts_with(name));
+        let found = found.unwrap_or_else(|| panic!("no measure {name}: {:?}", names(comparison)));
+        assert_ne!(found.verdict, Verdict::Differs, "{what}: {found:?}");
+    }
+}
+
+/// Dense cuts that a buffer and recorded, or compliant, ghosts bear: height [mm], buffer [mm], path.
+const DENSE: [(f64, f64, &str); 5] = [
+    (198.0, 6.0, "recorded"),
+    (203.0, 8.0, "recorded"),
+    (207.5, 12.5, "recorded"),
+    (207.5, 12.5, "compliant"),
+    (215.0, 20.0, "compliant"),
+];
+
+#[test]
+#[ignore = "twenty minutes: ./validate"]
+fn ten_runs_split_at_dense_cuts_agree_with_ten_whole_runs() {
+    let order = |out: &str| Order::new("scene.toml", out).set("output.frames", "1 s");
+    let mut whole = order("statistics-whole");
+    (whole.whole, whole.replicates) = (true, 10);
+    whole.run();
+    for (height, length, path) in DENSE {
+        let mut split = order(&format!("dense-{height}-{path}"))
+            .set("gate.outlet.point_mm", format!("[0, 0, {height}]"))
+            .set("gate.outlet.exclusion.length_mm", length)
+            .set("gate.outlet.paths.every", 10)
+            .set("stage.chute.replay.0.path", path)
+            .set("stage.chute.replay.0.backing_up", "warn")
+            .set("solver.overlap_limit", 1);
+        split.replicates = 10;
+        split.run();
+        let comparison = compared(&split.out, &whole.out);
+        println!("\n## plane at {height} mm, buffer of {length} mm, {path}\n");
+        print(&comparison);
+        agrees(&comparison, &format!("{height} mm, {path}"));
+    }
+}
+
+fn names(comparison: &Comparison) -> Vec<&str> {
+    comparison.measures.iter().map(|measure| measure.name.as_str()).collect()
+}
+
+fn compared(runs: &Path, reference: &Path) -> Comparison {
+    let request = CompareRequest {
+        runs: vec![runs.to_path_buf()],
+        reference: vec![reference.to_path_buf()],
+        margins: Vec::new(),
+        out: None,
+    };
+    compare_runs(&request).unwrap()
+}
+
+fn print(comparison: &Comparison) {
+    println!("{}", tollgate::report::comparison::table(comparison));
+}
+
+/// Time [s] against places by identity.
+type Frames = BTreeMap<u64, BTreeMap<ParticleId, Vec3>>;
+
+fn frames(out: &Path) -> Frames {
+    let mut dump = DumpReader::open(&out.join("stages/chute/dump.particles.lammpstrj")).unwrap();
+    let mut frames = Frames::new();
+    while let Some(header) = dump.next_frame().unwrap() {
+        let particles = dump.particles(&Body::Sphere).unwrap();
+        frames.insert(header.step, particles.iter().map(|particle| (particle.id, particle.position)).collect());
+    }
+    frames
+}
+
+/// Median distance [m] between the same particles in two runs, of those below `height` [m]; none where there are none.
+fn medians(run: &Frames, reference: &Frames, ids: &Frames, height: f64) -> Vec<(u64, f64, usize)> {
+    let mut found = Vec::new();
+    for (step, places) in reference {
+        let (Some(run), Some(ids)) = (run.get(step), ids.get(step)) else { continue };
+        let both = places.iter().filter(|(id, place)| place.z < height && ids.contains_key(id));
+        let mut distances: Vec<f64> = both.filter_map(|(id, place)| Some((run.get(id)? - place).norm())).collect();
+        distances.sort_by(f64::total_cmp);
+        if !distances.is_empty() {
+            found.push((*step, distances[distances.len() / 2], distances.len()));
+        }
+    }
+    found
+}
+
+#[test]
+#[ignore = "five minutes: ./validate"]
+fn a_split_drifts_no_faster_than_chaos_carries_a_kick() {
+    const DIAMETER: f64 = 4e-3;
+    /// The gate plane of discharge.toml [m].
+    const HEIGHT: f64 = 0.201;
+    let mut fill =
+        Order::new("scene.toml", "deviation-fill").set("end.time", "0.19 s").set("end.at_rest.not_before", "0.1 s");
+    fill.whole = true;
+    fill.run();
+    let start = fill.out.join("stages/chute/state.checkpoint");
+    let order = |out: &str| Order::new("discharge.toml", out).set("start_checkpoint", start.display());
+    let mut whole = order("deviation-whole");
+    whole.whole = true;
+    whole.run();
+    let split = order("deviation-split");
+    let summary = split.run();
+    let contact = number(&summary.gates[0]["recorded"][0]["crossings"]["contact_share"]);
+    let mut kicked = order("deviation-kicked");
+    (kicked.whole, kicked.replicates, kicked.perturb) = (true, 5, Some(1e-9 * DIAMETER));
+    kicked.run();
+    let (reference, split) = (frames(&whole.out), frames(&split.out));
+    let own = medians(&split, &reference, &split, HEIGHT);
+    let others: Vec<_> = (1..=5)
+        .map(|index| medians(&frames(&kicked.out.join(format!("replicates/{index:03}"))), &reference, &split, HEIGHT))
+        .collect();
+    println!("share of crossings in contact: {contact:.2}");
+    println!("| step | particles | split, median / d | largest median of five kicked runs / d |\n|---|---|---|---|");
+    let (mut curve, mut band, mut worst) = (Vec::new(), Vec::new(), 0.0_f64);
+    for (step, median, count) in &own {
+        let largest =
+            others.iter().flat_map(|run| run.iter().filter(|row| row.0 == *step)).map(|row| row.1).fold(0.0, f64::max);
+        println!("| {step} | {count} | {:.2e} | {:.2e} |", median / DIAMETER, largest / DIAMETER);
+        if *median > 0.0 {
+            curve.push([*step as f64 * 2.1e-5, median / DIAMETER]);
+        }
+        if largest > 0.0 {
+            band.push([*step as f64 * 2.1e-5, largest / DIAMETER]);
+            worst = worst.max(median / largest);
+        }
+    }
+    println!("largest ratio of the split's median to that of the kicked runs: {worst:.3}");
+    let figure = Figure {
+        title: "Split against whole run, and whole runs with one particle moved by 1e-9 d".to_owned(),
+        x: Axis { label: "plant time [s]".to_owned(), ..Axis::default() },
+        y: Axis { label: "median deviation / d [-]".to_owned(), logarithmic: true, ..Axis::default() },
+        layers: vec![
+            Layer { label: "split, buffer + recorded, k = 1".to_owned(), colour: 0, marks: Marks::Line(curve) },
+            Layer { label: "largest of five kicked whole runs".to_owned(), colour: 1, marks: Marks::DashedLine(band) },
+        ],
+        caption: format!("Particles below the gate, {:.0} % of the crossings in contact.", 100.0 * contact),
+    };
+    std::fs::write(root().join("docs/validation/gate-deviation.svg"), figure.to_svg()).unwrap();
+    assert!(contact >= 0.3, "the gate is to be crossed in contact: {contact}");
+    assert!(own.first().is_some_and(|row| row.1 < 1e-9 * DIAMETER), "starts at {:?}", own.first());
+    assert!(worst <= 10.0, "drifts {worst} times as far as the kicked runs");
+}
