@@ -1,7 +1,8 @@
 //! What the documentation shows runs: commands against the program, scenes against the reader, links and lists against the tree.
 //!
-//! Marked commands (```` ```sh runnable ````) run in one temporary folder a page, in the page's order. A `toml` block that starts
-//! with `version` is a whole scene; any other is judged by what it says, not by what it leaves out.
+//! Marked commands (```` ```sh runnable ````) run in one temporary folder a page, in the page's order; a block that is called
+//! ```` ```toml NAME ```` is there under that name. A `toml` block that starts with `version` is a whole scene; any other is judged
+//! by what it says, not by what it leaves out.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use regex::Regex;
@@ -125,6 +126,9 @@ fn commands_of_the_documentation_run() {
     for page in pages() {
         let folder = tempfile::tempdir().unwrap();
         for block in blocks_of(&page) {
+            if let Some(("toml", name)) = block.language.split_once(' ') {
+                fs::write(folder.path().join(name), &block.text).unwrap();
+            }
             let Some(script) = script(&block) else { continue };
             ran += 1;
             if let Err(reason) = run_script(&script, folder.path()) {
@@ -139,7 +143,7 @@ fn commands_of_the_documentation_run() {
 fn scenes_of_the_documentation_are_read() {
     let mut read = 0;
     for page in pages() {
-        for block in blocks_of(&page).iter().filter(|block| block.language == "toml") {
+        for block in blocks_of(&page).iter().filter(|block| block.language.split(' ').next() == Some("toml")) {
             read += 1;
             if let Some(wrong) = wrong_scene(&block.text, root()) {
                 panic!("{}:{}:\n{wrong}", name_of(&page), block.line);
@@ -235,7 +239,7 @@ fn the_page_of_formats_knows_everything_about_gates() {
     let scene = folder.path().join("box/scene.toml");
     fs::write(&scene, fs::read_to_string(&scene).unwrap() + CUT).unwrap();
     // From 10 to 60 mm above the gate: all fall through it within 0.11 s.
-    let script = "tollgate run box --out out --replicates 2 --set end.time='0.12 s' --set feed.fill.amount=60 \
+    let script = "tollgate run box --out out --replicates 2 --set end.time='0.3 s' --set feed.fill.amount=60 \
                   --set feed.fill.region.min_mm=[-50,-50,70]";
     run_script(script, folder.path()).unwrap();
     let out = folder.path().join("out");

@@ -287,6 +287,7 @@ mod tests {
             (D::Length, "250 cm", 2.5),
             (D::Length, "3 mm", 0.003),
             (D::Length, "40 um", 0.00004),
+            (D::Length, "250 nm", 0.000_000_25),
             (D::Length, "1.5 km", 1500.0),
             (D::Time, "2 s", 2.0),
             (D::Time, "5 ms", 0.005),
