@@ -143,7 +143,8 @@ fn show(arguments: &Arguments, report: &RunReport) {
         print::message(&report.timing);
     }
     let folder = report.folder.display();
-    let names = ["summary.json", "series.csv", "frames.pvd", "dump.particles.lammpstrj", "picture.svg", "stages", "replicates"];
+    let names =
+        ["summary.json", "series.csv", "frames.pvd", "dump.particles.lammpstrj", "picture.svg", "stages", "replicates"];
     let there: Vec<&str> = names.into_iter().filter(|name| report.folder.join(name).exists()).collect();
     print::result(&format!("results in {folder}: {}", there.join(", ")));
     if report.summary.outcome.exit_code == exit_code::INTERRUPTED {

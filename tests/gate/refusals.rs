@@ -72,7 +72,7 @@ fn a_damaged_stream_is_refused_by_the_check_and_by_the_run() {
         ("a missing chunk", &remove, "chunk-000000.columns is missing"),
         ("a chunk too many", &foreign, "chunk-000001.columns"),
         ("an edited manifest", &count, "edited"),
-        ("a newer major", &newer, "newer"),
+        ("a newer major", &newer, "it has format 2.0"),
         ("half a manifest", &cut, "manifest.json"),
     ];
     for (name, damage, words) in damages {
