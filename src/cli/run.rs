@@ -143,7 +143,10 @@ fn show(arguments: &Arguments, report: &RunReport) {
         print::message(&report.timing);
     }
     let folder = report.folder.display();
-    print::result(&format!("results in {folder}: summary.json, series.csv, frames.pvd, picture.svg"));
+    let names =
+        ["summary.json", "series.csv", "frames.pvd", "dump.particles.lammpstrj", "picture.svg", "stages", "replicates"];
+    let there: Vec<&str> = names.into_iter().filter(|name| report.folder.join(name).exists()).collect();
+    print::result(&format!("results in {folder}: {}", there.join(", ")));
     if report.summary.outcome.exit_code == exit_code::INTERRUPTED {
         print::message(&format!("interrupted; go on with the same command and --resume (results so far in {folder})"));
     }
@@ -152,12 +155,14 @@ fn show(arguments: &Arguments, report: &RunReport) {
 /// The summary in words.
 fn lines(summary: &Summary) -> Vec<String> {
     let mut lines = Vec::new();
+    let is_cut = summary.stages.len() > 1;
     for stage in &summary.stages {
+        // How each of several stages ended stands in its own summary.
+        let ended = if is_cut { String::new() } else { format!("ended by {} ", summary.outcome.reason) };
+        let time = if is_cut { stage.steps as f64 * stage.timestep_s } else { summary.outcome.time_s };
         lines.push(format!(
-            "{}: ended by {} at {:.6} s after {} steps of {:.3e} s; {} particles; {:.1} s wall, {:.2} million particle steps a second",
+            "{}: {ended}at {time:.6} s after {} steps of {:.3e} s; {} particles; {:.1} s wall, {:.2} million particle steps a second",
             stage.name,
-            summary.outcome.reason,
-            summary.outcome.time_s,
             stage.steps,
             stage.timestep_s,
             stage.particles,
@@ -165,6 +170,7 @@ fn lines(summary: &Summary) -> Vec<String> {
             stage.particle_steps_per_s / 1e6
         ));
     }
+    lines.extend(is_cut.then(|| summary.outcome.reason.clone()));
     lines.extend(gates::lines(&summary.gates));
     lines.extend(summary.load.iter().map(|load| {
         format!(

@@ -53,9 +53,12 @@ pub struct StageOutcome {
 /// Runs a stage into `place`, unless its result is there already or in a run that may be used again.
 pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInput]) -> Result<StageOutcome, RunError> {
     let mut job = job.clone();
-    for input in inputs {
-        take_events(&mut job.scene, &job.upstream_parts, &input.events());
-    }
+    // A part may stand upstream of one stream only: what happened to it is looked for in all of them. The parts of a stored stream
+    // were upstream wherever it was recorded.
+    let events: Vec<_> = inputs.iter().flat_map(StreamInput::events).collect();
+    let stored = inputs.iter().filter(|input| input.descent.is_none());
+    job.upstream_parts.extend(stored.flat_map(|input| input.manifest.origin.part_names.iter().cloned()));
+    take_events(&mut job.scene, &job.upstream_parts, &events);
     let key = stage_key(order, &job, inputs)?;
     let mut not_reused = Vec::new();
     for root in order.request.reuse.iter().filter(|_| !place.exists()) {

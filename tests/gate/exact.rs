@@ -155,3 +155,28 @@ fn a_dense_discharge_starts_at_round_off_from_the_whole_run() {
     // a particle that fell off the rim meets another one or two.
     assert!(worst < 1e-9 * D, "{worst:e} m off");
 }
+
+/// In a plane problem particles are discs that move in x and z and turn about y. Catches a mass or inertia of spheres.
+#[test]
+fn a_plane_problem_is_exact_too() {
+    for (path, exclusion) in [("ballistic", "ballistic"), ("recorded", "buffer")] {
+        let bench = cut(true, path, exclusion);
+        let flat = |drop: Drop| {
+            let ([x, _, z], [u, _, w], [_, b, _]) = (drop.place, drop.velocity, drop.spin);
+            Drop { place: [x, 0.0, z], velocity: [u, 0.0, w], spin: [0.0, b, 0.0] }
+        };
+        bench.drops("rain", &rain(true).into_iter().map(flat).collect::<Vec<_>>());
+        let scene =
+            bench.text("scene.toml").replace("\"hertz-mindlin\"", "\"linear\"\ncharacteristic_velocity = \"1 m/s\"");
+        let scene = format!("dimensions = 2\nthickness_mm = 5\n{scene}");
+        std::fs::write(bench.path("scene.toml"), scene).unwrap();
+        let summary = bench.run("split", &[]);
+        assert_faultless(summary.replayed("plane", "below"), 10);
+        let passed = summary.recorded("plane")["stream"]["mass_kg"].as_f64().unwrap();
+        // Ten discs of 2 mm radius and 5 mm thickness, 2500 kg/m3.
+        let mass = 10.0 * std::f64::consts::PI * 2e-3_f64.powi(2) * 5e-3 * 2500.0;
+        assert!((passed / mass - 1.0).abs() < 1e-12, "{passed} kg are not {mass} kg");
+        bench.run("whole", &["--whole"]);
+        assert!(compare(&bench.frames("whole", "below"), &bench.frames("split", "below")) > 20);
+    }
+}
