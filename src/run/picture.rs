@@ -228,6 +228,7 @@ fn caption(scene: &Scene, result: &StageResult, measures: &[MeasureResult]) -> S
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     fn job(waits_for: &[usize]) -> StageJob {
         let scene = crate::scene::read_text(
@@ -253,10 +254,20 @@ mod tests {
         let mut part = job(&[]).scene.parts[0].clone();
         let event = |name: &str, present| EventSummary { time_s: 0.1, what: event_text(name, present) };
         let other = event("another", false);
-        assert!(is_present(&part, &[other.clone()]));
+        assert!(is_present(&part, std::slice::from_ref(&other)));
         assert!(!is_present(&part, &[event(&part.name, false), other.clone()]));
         part.appears = Trigger::At { time: 0.1 };
         assert!(!is_present(&part, &[other]));
         assert!(is_present(&part, &[event(&part.name, true)]));
+    }
+
+    #[test]
+    fn the_caption_counts_every_replay() {
+        let replayed = |count: u64, bits: u64| json!({"arrivals": {"recorded": {"count": count}, "bit_equal": bits}});
+        let gate = |replayed: Vec<Value>| json!({"name": "outlet", "recorded": [{"stream": {"crossings": 9}}], "replayed": replayed});
+        let caption = gate_caption(&gate(vec![replayed(9, 9), replayed(9, 7)])).unwrap();
+        assert!(caption.contains("9 crossings recorded once, replayed 2 times; 16 of 18 arrived"), "{caption}");
+        assert_eq!(gate_caption(&gate(Vec::new())).unwrap(), "Gate outlet: 9 crossings.");
+        assert_eq!(gate_caption(&json!({"name": "outlet", "recorded": [], "replayed": []})), None);
     }
 }
