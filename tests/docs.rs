@@ -278,6 +278,8 @@ fn fields_below(value: &serde_json::Value, names: &mut BTreeSet<String>) {
 /// Names of all files below a result of several stages, as the page of formats spells them, and the folders they are in.
 fn files_of_stages(out: &Path) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
+    let stage = Regex::new("^stages/[^/]+/").unwrap();
+    let stream = Regex::new("^stages/STAGE/streams/[^/]+/").unwrap();
     let mut folders = vec![out.to_path_buf()];
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
@@ -286,8 +288,6 @@ fn files_of_stages(out: &Path) -> BTreeSet<String> {
                 continue;
             }
             let below = entry.strip_prefix(out).unwrap().to_str().unwrap();
-            let stage = Regex::new("^stages/[^/]+/").unwrap();
-            let stream = Regex::new("^stages/STAGE/streams/[^/]+/").unwrap();
             let named = stage.replace(below, "stages/STAGE/");
             let named = stream.replace(&named, "stages/STAGE/streams/GATE/").into_owned();
             let (place, file) = ["stages/STAGE/streams/GATE/", "stages/STAGE/", ""]

@@ -4,10 +4,10 @@ use super::colour::{hexadecimal, series};
 use super::outline::{Outline, Polyline};
 use super::picture::{
     ColourBy, ColourScale, Frame, LEGEND_WIDTH, MARGIN, SlopeLine, View, draw_faces, draw_legend, draw_lines,
-    draw_particles, draw_scale_bar, draw_slope, extent, style,
+    draw_particles, draw_scale_bar, draw_slope, extent, seen, style,
 };
 use super::svg::{Anchor, Document, FONT_SIZE, LINE_HEIGHT, number, wrapped};
-use crate::math::Bounds;
+use crate::math::{Bounds, Vec3};
 use crate::particle::ParticleState;
 
 /// Panels in a row.
@@ -37,8 +37,10 @@ pub struct Panel {
 pub struct GateMark {
     /// Its name.
     pub name: String,
-    /// Border of its opening [m].
+    /// Border of its opening, or a line that goes beyond the picture [m].
     pub border: Polyline,
+    /// Its middle, which is within the picture [m].
+    pub middle: Vec3,
 }
 
 /// Draws `panels` as seen in `view`, at one scale and with one scale of colours, and the `gates` dashed in each of them.
@@ -50,6 +52,7 @@ pub fn side_by_side(panels: &[Panel], gates: &[GateMark], view: &View, title: &s
             all = all.union(&extent(&panel.particles, parts, view));
         }
     }
+    gates.iter().for_each(|gate| all.include(&seen(view, &gate.middle)));
     let columns = panels.len().clamp(1, MOST_COLUMNS);
     let rows = panels.len().div_ceil(columns).max(1);
     let frame = Frame::new(&all, view, [ROW[0] / columns as f64, ROW[1]]);
@@ -173,7 +176,7 @@ mod tests {
     #[test]
     fn a_gate_seen_edge_on_is_one_line_and_seen_from_above_a_closed_border() {
         let border = vec![vec3(0.5, -0.2, 1.0), vec3(1.5, -0.2, 1.0), vec3(1.5, 0.2, 1.0), vec3(0.5, 0.2, 1.0)];
-        let gates = [GateMark { name: "outlet".to_owned(), border }];
+        let gates = [GateMark { name: "outlet".to_owned(), border, middle: vec3(1.0, 0.0, 1.0) }];
         let lines = |view: &View| {
             let svg = side_by_side(&[panel("a", 0.5), panel("b", 0.5)], &gates, view, "", "");
             assert_eq!(svg.matches(">gate outlet</text>").count(), 2);
@@ -182,6 +185,23 @@ mod tests {
         };
         assert_eq!(lines(&View::front()), (1, false));
         assert_eq!(lines(&View::above()), (3, true));
+    }
+
+    #[test]
+    fn a_gate_far_from_everything_is_in_the_picture() {
+        let gate = |height| {
+            let border = vec![vec3(-9.0, 0.0, height), vec3(9.0, 0.0, height)];
+            [GateMark { name: "far".to_owned(), border, middle: vec3(1.0, 0.0, height) }]
+        };
+        let height = |svg: String| {
+            let page = svg.split("height=\"").nth(1).unwrap().split('"').next().unwrap().parse::<f64>().unwrap();
+            let label = svg.lines().find(|line| line.ends_with(">gate far</text>")).unwrap().to_owned();
+            (page, label.split("y=\"").nth(1).unwrap().split('"').next().unwrap().parse::<f64>().unwrap())
+        };
+        let (low, _) = height(side_by_side(&[panel("a", 0.5)], &gate(0.3), &View::front(), "", ""));
+        let (high, label) = height(side_by_side(&[panel("a", 0.5)], &gate(0.9), &View::front(), "", ""));
+        // The line is at the upper margin, its name just above it.
+        assert!(high > low && (0.0..MARGIN).contains(&label), "{low} {high} {label}");
     }
 
     #[test]

@@ -196,7 +196,7 @@ impl Frame {
 }
 
 /// Right, up and towards the viewer.
-fn seen(view: &View, point: &Vec3) -> Vec3 {
+pub(super) fn seen(view: &View, point: &Vec3) -> Vec3 {
     vec3(point.dot(&view.right), point.dot(&view.up), point.dot(&view.sight()))
 }
 

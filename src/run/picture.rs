@@ -93,7 +93,8 @@ pub fn draw_stages(
         return Ok(());
     }
     let view = view_of(scene);
-    let bounds = bounds_of(scene, finished.iter().flat_map(|stage| &stage.particles));
+    let mut bounds = bounds_of(scene, finished.iter().flat_map(|stage| &stage.particles));
+    scene.gates.iter().for_each(|gate| bounds.include(&gate.plane.point));
     let drawn = |job: &StageJob, outcome: &StageOutcome, without: &[Part]| -> Vec<Outline> {
         let summary = &outcome.summary;
         let there =
@@ -115,8 +116,11 @@ pub fn draw_stages(
         }
     };
     let panels: Vec<Panel> = finished.into_iter().map(panel).collect();
-    let mark =
-        |gate: &Gate| GateMark { name: gate.name.clone(), border: gate_outline(&gate.plane, &view.sight(), &bounds) };
+    let mark = |gate: &Gate| GateMark {
+        name: gate.name.clone(),
+        border: gate_outline(&gate.plane, &view.sight(), &bounds),
+        middle: gate.plane.point,
+    };
     let gates: Vec<GateMark> = scene.gates.iter().map(mark).collect();
     let svg = side_by_side(&panels, &gates, &view, &scene.name, &stages_caption(summary, panels.len()));
     write_whole(&folder.join("picture.svg"), svg.as_bytes())
@@ -143,37 +147,44 @@ fn is_present(part: &Part, events: &[EventSummary]) -> bool {
 
 /// What passed the gates, and what the split cost.
 fn stages_caption(summary: &Summary, panels: usize) -> String {
-    let mut sentences = vec![format!("{}, last states of {panels} stages.", summary.scene.name)];
-    for gate in &summary.gates {
-        let replayed = gate["replayed"].as_array().map_or(&[][..], Vec::as_slice);
-        let sum = |of: &dyn Fn(&Value) -> &Value| replayed.iter().filter_map(|one| of(one).as_u64()).sum::<u64>();
-        let recorded = gate["recorded"].as_array().and_then(|all| all.first());
-        let Some(crossings) = recorded.and_then(|one| one["stream"]["crossings"].as_u64()) else { continue };
-        let mut sentence =
-            format!("Gate {}: {crossings} crossings recorded once", gate["name"].as_str().unwrap_or_default());
-        if !replayed.is_empty() {
-            sentence += &format!(
-                ", replayed {} times: {} of {} arrived with the recorded bits",
-                replayed.len(),
-                sum(&|one| &one["arrivals"]["bit_equal"]),
-                sum(&|one| &one["arrivals"]["recorded"]["count"]),
-            );
-        }
-        sentences.push(sentence + ".");
-    }
+    let stages =
+        if panels == 1 { "last state of a stage".to_owned() } else { format!("last states of {panels} stages") };
+    let mut sentences = vec![format!("{}, {stages}.", summary.scene.name)];
+    sentences.extend(summary.gates.iter().filter_map(gate_caption));
     if let Some(load) = &summary.load {
+        let seconds = |time: f64| {
+            // Three digits, as many as a processor time is good for.
+            let places = (2.0 - time.log10().floor()).clamp(0.0, 3.0) as usize;
+            format!("{time:.places$} s")
+        };
         sentences.push(format!(
-            "Processor time: upstream A = {:.0} s once, downstream B = {:.0} s a stage; split {:.0} s, unsplit (A + B) x {} = {:.0} s, \
-             ratio {:.2}.",
-            load.upstream_cpu_s,
-            load.downstream_cpu_s,
-            load.split_cpu_s,
+            "Processor time: upstream A = {} once, downstream B = {} a stage; split {}, unsplit (A + B) x {} = {}, ratio {:.2}.",
+            seconds(load.upstream_cpu_s),
+            seconds(load.downstream_cpu_s),
+            seconds(load.split_cpu_s),
             load.downstream_runs,
-            load.unsplit_forecast_cpu_s,
+            seconds(load.unsplit_forecast_cpu_s),
             load.ratio
         ));
     }
     sentences.join(" ")
+}
+
+/// How many crossings were recorded and how many arrived; `None` where no stream is there.
+fn gate_caption(gate: &Value) -> Option<String> {
+    let name = gate["name"].as_str()?;
+    let crossings = gate["recorded"].as_array()?.first()?["stream"]["crossings"].as_u64()?;
+    let replayed = gate["replayed"].as_array()?;
+    let sum = |of: &dyn Fn(&Value) -> &Value| replayed.iter().filter_map(|one| of(one).as_u64()).sum::<u64>();
+    if replayed.is_empty() {
+        return Some(format!("Gate {name}: {crossings} crossings."));
+    }
+    let times = if replayed.len() == 1 { "once".to_owned() } else { format!("{} times", replayed.len()) };
+    Some(format!(
+        "Gate {name}: {crossings} crossings recorded once, replayed {times}; {} of {} arrived with the recorded bits.",
+        sum(&|one| &one["arrivals"]["bit_equal"]),
+        sum(&|one| &one["arrivals"]["recorded"]["count"])
+    ))
 }
 
 fn slopes(scene: &Scene, particles: &[ParticleState]) -> Vec<SlopeLine> {
@@ -217,6 +228,7 @@ fn caption(scene: &Scene, result: &StageResult, measures: &[MeasureResult]) -> S
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     fn job(waits_for: &[usize]) -> StageJob {
         let scene = crate::scene::read_text(
@@ -242,10 +254,20 @@ mod tests {
         let mut part = job(&[]).scene.parts[0].clone();
         let event = |name: &str, present| EventSummary { time_s: 0.1, what: event_text(name, present) };
         let other = event("another", false);
-        assert!(is_present(&part, &[other.clone()]));
+        assert!(is_present(&part, std::slice::from_ref(&other)));
         assert!(!is_present(&part, &[event(&part.name, false), other.clone()]));
         part.appears = Trigger::At { time: 0.1 };
         assert!(!is_present(&part, &[other]));
         assert!(is_present(&part, &[event(&part.name, true)]));
+    }
+
+    #[test]
+    fn the_caption_counts_every_replay() {
+        let replayed = |count: u64, bits: u64| json!({"arrivals": {"recorded": {"count": count}, "bit_equal": bits}});
+        let gate = |replayed: Vec<Value>| json!({"name": "outlet", "recorded": [{"stream": {"crossings": 9}}], "replayed": replayed});
+        let caption = gate_caption(&gate(vec![replayed(9, 9), replayed(9, 7)])).unwrap();
+        assert!(caption.contains("9 crossings recorded once, replayed 2 times; 16 of 18 arrived"), "{caption}");
+        assert_eq!(gate_caption(&gate(Vec::new())).unwrap(), "Gate outlet: 9 crossings.");
+        assert_eq!(gate_caption(&json!({"name": "outlet", "recorded": [], "replayed": []})), None);
     }
 }
