@@ -173,7 +173,8 @@ fn ten_split_and_ten_whole_runs_agree() {
         let mut split = order(&format!("statistics-{path}"))
             .set("gate.outlet.exclusion.mode", exclusion)
             .set("stage.chute.replay.0.path", path)
-            .set("gate.outlet.paths.every", 10);
+            .set("gate.outlet.paths.every", 10)
+            .set("solver.overlap_limit", 1);
         split.replicates = 10;
         split.run();
         let comparison = compared(&split.out, &whole.out);
