@@ -25,8 +25,8 @@ const AFTER: [f64; 6] = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2];
 /// Largest diameter in the scene \[m\].
 const DIAMETER: f64 = 0.005;
 
-/// Runs the scene into `place`; later settings beat earlier ones.
-fn run(place: &Path, more: &[String]) {
+/// Runs the scene into `place` with more settings; why it was stopped, where it was.
+fn run(place: &Path, more: &[String]) -> Result<(), String> {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes/hopper");
     let settings = [
         "end.time=\"0.42 s\"",
@@ -40,7 +40,8 @@ fn run(place: &Path, more: &[String]) {
         command.args(["--set", setting]);
     }
     let output = command.args(more).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    if output.status.success() { Ok(()) } else { Err(said) }
 }
 
 /// Places by identity at the frames of `steps`.
@@ -130,7 +131,7 @@ struct Whole {
 
 impl Whole {
     fn new(folder: &Path) -> Self {
-        run(&folder.join("whole"), &["--whole".to_owned()]);
+        run(&folder.join("whole"), &["--whole".to_owned()]).unwrap();
         let stage = folder.join("whole/stages/chute");
         let stream = StreamReader::open(&stage.join("streams/outlet")).unwrap();
         let events = &stream.manifest().events;
@@ -152,13 +153,15 @@ impl Whole {
     fn deviations(&self, split: &Path, height: f64) -> Vec<(usize, usize, Vec<f64>)> {
         let (ours, theirs) = (places(split, &self.steps), places(&self.folder, &self.steps));
         let at = |step: &u64| {
+            // A run that was stopped has no more frames.
+            let ours = ours.get(step)?;
             let beyond = theirs[step].iter().filter(|(_, place)| place.z < height * 1e-3);
             let found: Vec<Option<f64>> =
-                beyond.map(|(id, place)| ours[step].get(id).map(|own| (own - place).norm())).collect();
+                beyond.map(|(id, place)| ours.get(id).map(|own| (own - place).norm())).collect();
             let missing = found.iter().filter(|distance| distance.is_none()).count();
-            (found.len(), missing, found.into_iter().flatten().collect())
+            Some((found.len(), missing, found.into_iter().flatten().collect()))
         };
-        self.steps.iter().map(at).collect()
+        self.steps.iter().map_while(at).collect()
     }
 }
 
@@ -176,13 +179,18 @@ fn volume_and_error_of_recorded_paths() {
         for every in EVERY {
             let place = folder.path().join(format!("{height}-{every}"));
             let interval = format!("gate.outlet.paths.every={every}");
-            run(&place, &["--set".to_owned(), plane.clone(), "--set".to_owned(), interval]);
+            let outcome = run(&place, &["--set".to_owned(), plane.clone(), "--set".to_owned(), interval]);
             let stream = StreamReader::open(&place.join("stages/hopper/streams/outlet")).unwrap();
             let (counts, chunks) = (stream.manifest().counts, &stream.manifest().chunks);
             let bytes: u64 = chunks.iter().map(|chunk| chunk.bytes).sum();
             let (crossings, motions) = (counts.crossings, counts.motions);
             let timestep = stream.manifest().origin.timestep;
             let (largest, median) = largest_and_median(interpolation_errors(all.get_or_insert(stream), every));
+            if let Err(reason) = &outcome {
+                // Ghosts that are told wrong places are driven into others.
+                assert!(every > 1 && reason.contains("overlaps"), "{reason}");
+                println!("plane {height} mm, k = {every}: {}", reason.lines().next().unwrap_or_default());
+            }
             writeln!(
                 volumes,
                 "| {height} | {every} | {crossings} | {motions} | {bytes} | {} | {largest:.1e} | {median:.1e} |",

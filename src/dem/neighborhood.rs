@@ -302,7 +302,8 @@ impl Neighborhood {
         let order: Vec<u32> = (0..particles.len() as u32).collect();
         self.make_lists(&placed(&outer_reference), &order, &HeldMemory::default(), threads);
         self.prune_with(&placed(&inner_reference), threads, |_, _, _| Memory::NONE);
-        self.set_motion_bounds(bounds);
+        // Nobody has collected the elements of parts for these lists yet.
+        self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
     }
 }
 
