@@ -1,7 +1,7 @@
 //! What recorded paths cost and what they are worth: size of the stream, error of the interpolation, and how far the split run of
 //! a small hopper departs from the whole one, for every k-th time step stored.
 //!
-//! Not part of the ordinary suite, because it measures and takes a minute or two of processor time:
+//! Not part of the ordinary suite, because it measures, and takes a minute of processor time:
 //! `cargo test --release --test path_volume -- --ignored --nocapture`. Its tables are in docs/validation/gate-paths.md.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -144,7 +144,6 @@ impl Whole {
             *frames.iter().min_by(|a, b| distance(**a, wanted).total_cmp(&distance(**b, wanted))).unwrap()
         };
         let steps = AFTER.iter().map(nearest).collect();
-        println!("plate opens at {opening:.4} s");
         Self { folder: stage, steps, opening }
     }
 
@@ -170,6 +169,7 @@ impl Whole {
 fn volume_and_error_of_recorded_paths() {
     let folder = tempfile::tempdir().unwrap();
     let whole = Whole::new(folder.path());
+    println!("plate opens at {:.4} s", whole.opening);
     let (mut volumes, mut departures) = (String::new(), String::new());
     for height in HEIGHTS {
         let plane = format!("gate.outlet.point_mm=[0,0,{height}]");

@@ -58,7 +58,7 @@ pub fn side_by_side(panels: &[Panel], gates: &[GateMark], view: &View, title: &s
     let frame = Frame::new(&all, view, [ROW[0] / columns as f64, ROW[1]]);
     let (width, height) = (frame.width - LEGEND_WIDTH, frame.height + HEADING);
     let page_width = columns as f64 * width + LEGEND_WIDTH;
-    let caption = wrapped(caption, ((page_width - 2.0 * MARGIN) / (0.48 * FONT_SIZE)) as usize);
+    let caption = wrapped(caption, ((page_width - 2.0 * MARGIN) / (0.54 * FONT_SIZE)) as usize);
     let page_height = rows as f64 * height + 44.0 + caption.len() as f64 * LINE_HEIGHT;
     let mut document = Document::new(page_width, page_height, title, &(style() + &own_style()));
     document.raw(&format!(
