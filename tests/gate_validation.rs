@@ -194,13 +194,8 @@ fn agrees(comparison: &Comparison, what: &str) {
 }
 
 /// Dense cuts that a buffer and recorded, or compliant, ghosts bear: height [mm], buffer [mm], path.
-const DENSE: [(f64, f64, &str); 5] = [
-    (198.0, 6.0, "recorded"),
-    (203.0, 8.0, "recorded"),
-    (207.5, 12.5, "recorded"),
-    (207.5, 12.5, "compliant"),
-    (215.0, 20.0, "compliant"),
-];
+const DENSE: [(f64, f64, &str); 4] =
+    [(203.0, 8.0, "recorded"), (207.5, 12.5, "compliant"), (215.0, 20.0, "compliant"), (207.5, 12.5, "recorded")];
 
 #[test]
 #[ignore = "twenty minutes: ./validate"]
@@ -213,7 +208,7 @@ fn ten_runs_split_at_dense_cuts_agree_with_ten_whole_runs() {
         let mut split = order(&format!("dense-{height}-{path}"))
             .set("gate.outlet.point_mm", format!("[0, 0, {height}]"))
             .set("gate.outlet.exclusion.length_mm", length)
-            .set("gate.outlet.paths.every", 10)
+            .set("gate.outlet.paths.every", 1)
             .set("stage.chute.replay.0.path", path)
             .set("stage.chute.replay.0.backing_up", "warn")
             .set("solver.overlap_limit", 1);

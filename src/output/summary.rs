@@ -118,7 +118,7 @@ pub struct LoadAccount {
     pub downstream_runs: u64,
     /// Measured: processor time of all stages [s].
     pub split_cpu_s: f64,
-    /// A X + B Y with B that of the first downstream stage alone [s].
+    /// A X + B Y with the median B for all of them [s].
     pub split_forecast_cpu_s: f64,
     /// (A + B) max(X, Y): what the same costs where nothing is stored [s].
     pub unsplit_forecast_cpu_s: f64,

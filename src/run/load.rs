@@ -14,7 +14,9 @@ pub fn account(jobs: &[StageJob], stages: &[StageSummary]) -> Option<LoadAccount
     let (upstream, downstream): (f64, f64) = (of(false).sum(), of(true).sum());
     let runs = of(true).count() as u64;
     let mean = downstream / runs as f64;
-    let first = of(true).next().unwrap_or_default();
+    let mut each: Vec<f64> = of(true).collect();
+    each.sort_by(f64::total_cmp);
+    let median = each[each.len() / 2];
     let unsplit = (upstream + mean) * runs as f64;
     Some(LoadAccount {
         upstream_cpu_s: upstream,
@@ -22,7 +24,7 @@ pub fn account(jobs: &[StageJob], stages: &[StageSummary]) -> Option<LoadAccount
         downstream_cpu_s: mean,
         downstream_runs: runs,
         split_cpu_s: upstream + downstream,
-        split_forecast_cpu_s: upstream + first * runs as f64,
+        split_forecast_cpu_s: upstream + median * runs as f64,
         unsplit_forecast_cpu_s: unsplit,
         ratio: unsplit / (upstream + downstream),
         peak_memory_bytes: stages.iter().map(|stage| stage.peak_memory_bytes).max().flatten(),

@@ -46,6 +46,8 @@ pub struct Advice {
     pub generation_length_m: f64,
     /// Length of the stored paths [m].
     pub recorded_path_length_m: Option<f64>,
+    /// Time steps between two stored states of a path.
+    pub recorded_path_interval: Option<u64>,
 }
 
 /// One row of the stored profile behind the plane.
@@ -77,6 +79,7 @@ pub(super) fn advise(manifest: &Manifest, contact_share: Option<f64>, largest: f
         recorded_exclusion_length_m: origin.exclusion.map(|exclusion| exclusion.length),
         generation_length_m: largest + fastest * origin.timestep * HAND_OVER_STEPS as f64,
         recorded_path_length_m: origin.paths.map(|paths| paths.length),
+        recorded_path_interval: origin.paths.map(|paths| paths.every),
     }
 }
 
@@ -122,6 +125,14 @@ impl Advice {
         let paths = compared(self.recorded_path_length_m, least);
         let paths = if paths.is_empty() { "; no paths are stored".to_owned() } else { paths };
         lines.push(("advice: L2", format!("at least {}{paths}", millimetres(least))));
+        let is_dense = matches!(self.place, Place::Dense | Place::Squeezed | Place::TooDense);
+        if let Some(every) = self.recorded_path_interval.filter(|every| is_dense && *every > 1) {
+            let advice = format!(
+                "stored every {every} time steps: where particles touch, store every one (paths.every = 1); else contacts are \
+                 interpolated, and residents are pushed off their way"
+            );
+            lines.push(("advice: paths", advice));
+        }
         lines
     }
 }

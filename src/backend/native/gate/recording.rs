@@ -52,6 +52,8 @@ pub struct Recording {
     statistics: CrossingStatistics,
     writer: StreamWriter,
     zone: NearPlane,
+    /// Particles that had left the run at the last look.
+    left: usize,
 }
 
 impl Recording {
@@ -97,11 +99,23 @@ impl Recording {
         };
         let plane = PlaneDistance::new(&gate.plane.point, &gate.plane.normal, recorder.passing_point());
         let zone = NearPlane::new(plane, recorder.zone());
-        Ok(Self { gate, observes: order.observes, recorder, statistics, writer, zone })
+        Ok(Self {
+            gate,
+            observes: order.observes,
+            recorder,
+            statistics,
+            writer,
+            zone,
+            left: simulation.removed().len(),
+        })
     }
 
     /// Looks at all particles after a time step.
     pub fn look(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
+        let gone = simulation.removed().get(self.left..).unwrap_or_default().iter();
+        let lost = gone.filter(|removal| !matches!(removal.cause, RemovalCause::Gate | RemovalCause::Fate));
+        self.recorder.count_removed(lost.map(|removal| removal.id));
+        self.left = simulation.removed().len();
         let step = simulation.steps_done();
         let look = match self.recorder.view(step) {
             Some(range) => {
