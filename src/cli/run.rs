@@ -155,7 +155,7 @@ fn show(arguments: &Arguments, report: &RunReport) {
 /// The summary in words.
 fn lines(summary: &Summary) -> Vec<String> {
     let mut lines = Vec::new();
-    let is_cut = summary.stages.len() > 1;
+    let is_cut = summary.stages.len() > 1 || !summary.gates.is_empty();
     for stage in &summary.stages {
         // How each of several stages ended stands in its own summary.
         let ended = if is_cut { String::new() } else { format!("ended by {} ", summary.outcome.reason) };
