@@ -63,3 +63,13 @@ fn an_ordinary_discharge_does_not_fire() {
     assert!(replayed["backed_up"].is_null(), "{replayed:#}");
     assert!(number(&replayed["arrivals"]["arrived"]["count"]) > 100.0, "{replayed:#}");
 }
+
+/// Where the watchdog is faster than the watch at the gate, it names the ghost: a stiffer material would not help.
+#[test]
+fn a_squeeze_beyond_the_overlap_limit_names_the_ghost() {
+    let bench = blocked();
+    let settings = ["--set", "solver.overlap_limit=0.3", "--set", "end.time=0.3 s"];
+    let answer = bench.attempt("squeezed", &settings);
+    answer.refused(7, &["stopped at a gate", "a ghost", "limit 30.0 %", "--whole"]);
+    assert!(!answer.err.contains("raise the stiffness"), "{answer:?}");
+}

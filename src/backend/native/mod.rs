@@ -148,7 +148,7 @@ pub fn run(scene: &Scene, setup: Setup, request: &Request) -> Result<StageResult
         }
         Err(error) => {
             // The state at which an unstable run was stopped is there to be looked at, not to be continued.
-            if matches!(error, BackendError::Unstable { .. }) {
+            if matches!(error, BackendError::Unstable { .. } | BackendError::Gate { .. }) {
                 drop(driver.write_state(&simulation, scene));
             }
             Err(error)
@@ -256,7 +256,9 @@ impl Driver {
             if request.interrupted.load(Ordering::Relaxed) {
                 return Ok(EndReason::Interrupted);
             }
-            simulation.step()?;
+            if let Err(stop) = simulation.step() {
+                return Err(self.hand_over.squeezed(simulation, &stop).unwrap_or_else(|| stop.into()));
+            }
             self.look_at_gates(simulation)?;
             self.particle_steps += simulation.particle_count() as f64;
             progress.update(status(simulation, first_step));

@@ -10,6 +10,7 @@ mod recording;
 use super::{Kick, Request};
 use crate::backend::BackendError;
 use crate::dem::simulation::Simulation;
+use crate::dem::watchdog::{Stop, StopCause};
 use crate::gate::ledger::{EnergyAccount, MomentumAccount};
 use crate::gate::stream::format::StoredEvent;
 use crate::math::Vec3;
@@ -110,6 +111,38 @@ impl HandOver {
         }
         simulation.expect_arrivals(self.arrivals.iter().any(|arrivals| !arrivals.is_finished()));
         Ok(())
+    }
+
+    /// What the watchdog's stop has to do with ghosts: an overlap beyond its limit between a ghost and an ordinary particle.
+    pub fn squeezed(&self, simulation: &Simulation, stop: &Stop) -> Option<BackendError> {
+        if self.arrivals.is_empty() || stop.cause != StopCause::DeepOverlap {
+            return None;
+        }
+        let contacts = simulation.ghost_pressure();
+        let deepest = contacts.iter().max_by(|a, b| a.overlap_ratio.total_cmp(&b.overlap_ratio))?;
+        if deepest.overlap_ratio < simulation.setup().overlap_limit {
+            return None;
+        }
+        let (ghost, resident, place) = (deepest.ghost, deepest.resident, deepest.point);
+        let what = format!(
+            "a ghost (particle {} of feed {}, {:.3} m/s) was driven {:.1} % of the smaller radius (limit {:.1} %) into particle {} of feed {} \
+             ({:.3} m/s) at ({:.6}, {:.6}, {:.6}) m, {:.6} s: what arrives finds no room beyond the gate. either the downstream backs \
+             up to it, which a replay cannot follow: put the gate farther upstream, or compute these stages together (run --whole); or \
+             ghosts follow a past that the particles did not have: use path \"recorded\" or \"compliant\" and mode \"buffer\"",
+            ghost.serial(),
+            ghost.feed(),
+            deepest.ghost_velocity.norm(),
+            100.0 * deepest.overlap_ratio,
+            100.0 * simulation.setup().overlap_limit,
+            resident.serial(),
+            resident.feed(),
+            deepest.resident_velocity.norm(),
+            place.x,
+            place.y,
+            place.z,
+            stop.time,
+        );
+        Some(BackendError::Gate { what, time: stop.time, steps: stop.step })
     }
 
     /// Puts the gates' state into a checkpoint.
