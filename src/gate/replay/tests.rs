@@ -471,3 +471,17 @@ fn what_passed_before_the_stage_begins_is_left_out_and_counted() {
     let error = Replayer::new(source, facts, &pathless.replay, pathless.stage).unwrap_err();
     assert!(error.to_string().contains("no paths"), "{error}");
 }
+
+#[test]
+fn a_chunk_that_is_read_again_brings_nobody_twice() {
+    // One chunk over 11 s: what is more than half of it ahead is left for a second reading.
+    let times = [0.3003, 0.3503, 4.0003, 8.0003, 11.0003];
+    let list: Vec<Crossing> = (0..).zip(times).map(|(serial, time)| crossing(serial, time, 1.0)).collect();
+    let case = Case::new(list, replay());
+    let (mut replayer, reads) = case.try_open().unwrap();
+    // `run` refuses whoever enters or is released twice.
+    let log = run(&mut replayer, 0, 12_000);
+    assert_eq!(log.releases.len(), times.len());
+    assert!(reads.get() > 2 && replayer.is_finished(), "{} reads", reads.get());
+    assert_eq!(replayer.tally().released, replayer.tally().expected);
+}
