@@ -3,14 +3,14 @@
 /// Coefficients of Lanczos' approximation of the gamma function, g = 7, nine terms (Lanczos 1964; values as commonly
 /// tabulated for double precision).
 const LANCZOS: [f64; 9] = [
-    0.999_999_999_999_809_93,
+    0.999_999_999_999_809_9,
     676.520_368_121_885_1,
     -1_259.139_216_722_402_8,
-    771.323_428_777_653_13,
-    -176.615_029_162_140_59,
+    771.323_428_777_653_1,
+    -176.615_029_162_140_6,
     12.507_343_278_686_905,
     -0.138_571_095_265_720_12,
-    9.984_369_578_019_571_6e-6,
+    9.984_369_578_019_572e-6,
     1.505_632_735_149_311_6e-7,
 ];
 /// Degrees of freedom above which the distribution is taken at this number of them: quantiles move by less than 1e-6.
