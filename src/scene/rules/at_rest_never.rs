@@ -22,16 +22,32 @@ pub(super) fn check(subject: &Subject<'_>) {
     }
     for (path, rest) in conditions {
         if let Some(reason) = reason(subject, &rest, end.time) {
-            let what = format!("this can never be at rest before the end: {reason}");
-            subject.error("at-rest-never", &path, what, "end the feeds earlier, or the run later");
+            report(subject, &path, &reason);
+        }
+    }
+    // Whose feeds go on in a stage of its own is not judged, only whether there is time.
+    for stage in &subject.draft.stages.stages {
+        let Some(end) = stage.item.end else { continue };
+        if let Some(reason) = end.at_rest.and_then(|rest| too_late(&rest, end.time)) {
+            report(subject, &join(&stage.path, "end.at_rest"), &reason);
         }
     }
 }
 
+fn report(subject: &Subject<'_>, path: &str, reason: &str) {
+    let what = format!("this can never be at rest before the end: {reason}");
+    subject.error("at-rest-never", path, what, "end the feeds earlier, or the run later");
+}
+
+fn too_late(rest: &AtRest, end: f64) -> Option<String> {
+    let earliest = rest.not_before + rest.hold;
+    (earliest > end)
+        .then(|| format!("`not_before` and `hold` last until {} s, the run until {} s", round(earliest), round(end)))
+}
+
 fn reason(subject: &Subject<'_>, rest: &AtRest, end: f64) -> Option<String> {
-    if rest.not_before + rest.hold > end {
-        let earliest = round(rest.not_before + rest.hold);
-        return Some(format!("`not_before` and `hold` last until {earliest} s, the run until {} s", round(end)));
+    if let Some(reason) = too_late(rest, end) {
+        return Some(reason);
     }
     let has_other = subject.draft.start_checkpoint.is_some() || subject.has_stored_stream();
     if subject.draft.feeds.is_empty() && !has_other && !subject.report.was_given("feed") {
