@@ -53,7 +53,7 @@ pub struct ReplayResult {
     pub left_upstream: u64,
 }
 
-/// Stiffness of a tether: 10 |g| / c, so that ten times a particle's weight displaces it by c / 1.7.
+/// Stiffness of a tether, w2 c / |g|: a force of ten times the weight displaces a particle by 0.68 c, the root of x + x^3 = 1.
 const TETHER_WEIGHTS: f64 = 10.0;
 
 /// A stream on its way into a run.
