@@ -22,7 +22,7 @@ use crate::output::summary::Summary;
 use crate::plan::{Plan, plan};
 use crate::scene::{self, Finding, Scene};
 use crate::stage::key::StageKey;
-use crate::stage::split::{StageJob, stage_jobs, whole_jobs};
+use crate::stage::split::{StageJob, stage_jobs, whole_jobs, why_not_whole};
 use crate::storage::StorageError;
 use folder::{Claim, RunFolder};
 use stage::{StageOrder, StageOutcome};
@@ -149,7 +149,7 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
         plan: &plan,
         threads: request.threads.unwrap_or_else(native::default_threads),
         kick: kick_of(request, draw),
-        warnings: summary::warnings(&warnings, &plan),
+        warnings: [summary::warnings(&warnings, &plan), unlike_the_stages(&scene, &jobs, request)].concat(),
         interrupted,
     };
     if !is_cut {
@@ -211,6 +211,15 @@ fn run_stages(
         }
     }
     Ok((outcomes.into_iter().flatten().collect(), failure))
+}
+
+/// Whole runs that are not the same plant as their stages, in words.
+fn unlike_the_stages(scene: &Scene, jobs: &[StageJob], request: &RunRequest) -> Vec<String> {
+    let text = |job: &StageJob| {
+        let why = why_not_whole(scene, &job.name).filter(|_| request.whole)?;
+        Some(format!("the whole run of '{}' is not what its stages are: {why}", job.name))
+    };
+    jobs.iter().filter_map(text).collect()
 }
 
 /// The kick of replicate number `draw`.

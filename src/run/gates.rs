@@ -80,6 +80,7 @@ fn replayed(stage: &str, result: &ReplayResult, results: &GateResults) -> Value 
         "replayed": {
             "stage": stage,
             "path": result.replay.path,
+            "exact": result.exact,
             "tally": result.tally,
             "arrivals": result.arrivals,
             "left_upstream": result.left_upstream,

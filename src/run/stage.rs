@@ -50,6 +50,20 @@ pub struct StageOutcome {
     pub not_reused: Vec<String>,
 }
 
+impl StageOutcome {
+    /// A stage that an earlier run has done.
+    fn done(name: &str, folder: &Path, summary: Summary) -> Self {
+        Self {
+            stage: name.to_owned(),
+            folder: folder.to_path_buf(),
+            summary,
+            was_done: true,
+            timing: String::new(),
+            not_reused: Vec::new(),
+        }
+    }
+}
+
 /// Runs a stage into `place`, unless its result is there already or in a run that may be used again.
 pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInput]) -> Result<StageOutcome, RunError> {
     let mut job = job.clone();
@@ -66,14 +80,7 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
         if let Some(summary) = RunFolder::finished_elsewhere(&other, &key)?
             && summary.outcome.exit_code == exit_code::DONE
         {
-            return Ok(StageOutcome {
-                stage: job.name.clone(),
-                folder: other,
-                summary,
-                was_done: true,
-                timing: String::new(),
-                not_reused: Vec::new(),
-            });
+            return Ok(StageOutcome::done(&job.name, &other, summary));
         }
         let differences = RunFolder::differences_elsewhere(&other, &key);
         if !differences.is_empty() {
@@ -87,14 +94,7 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
         if summary.outcome.exit_code == exit_code::UNSTABLE {
             return Err(RunError::StoppedBefore(summary.outcome.reason));
         }
-        return Ok(StageOutcome {
-            stage: job.name.clone(),
-            folder: place.to_path_buf(),
-            summary,
-            was_done: true,
-            timing: String::new(),
-            not_reused,
-        });
+        return Ok(StageOutcome { not_reused, ..StageOutcome::done(&job.name, place, summary) });
     }
     Ok(StageOutcome { not_reused, ..compute(order, &job, place, inputs, &key, &folder)? })
 }
@@ -105,9 +105,7 @@ pub fn found(name: &str, place: &Path) -> Result<Option<StageOutcome>, RunError>
     if !path.exists() {
         return Ok(None);
     }
-    let summary = Summary::read(&path)?;
-    let (stage, folder) = (name.to_owned(), place.to_path_buf());
-    Ok(Some(StageOutcome { stage, folder, summary, was_done: true, timing: String::new(), not_reused: Vec::new() }))
+    Ok(Some(StageOutcome::done(name, place, Summary::read(&path)?)))
 }
 
 fn compute(
@@ -150,14 +148,7 @@ fn compute(
     picture::draw(&job.scene, &result, &measures, place)?;
     let summary = summary::of(order, job, &result, &measures, warned, place)?;
     summary.write(&folder.summary_path())?;
-    Ok(StageOutcome {
-        stage: job.name.clone(),
-        folder: place.to_path_buf(),
-        summary,
-        was_done: false,
-        timing: result.timing.table(),
-        not_reused: Vec::new(),
-    })
+    Ok(StageOutcome { was_done: false, timing: result.timing.table(), ..StageOutcome::done(&job.name, place, summary) })
 }
 
 fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Result<StageKey, RunError> {

@@ -6,7 +6,7 @@ use crate::backend::native::{self, ReplayOrder};
 use crate::gate::stream::format::{Expected, Manifest};
 use crate::gate::stream::reader::StreamReader;
 use crate::scene::Scene;
-use crate::scene::gate::StreamSource;
+use crate::scene::gate::{Replay, StreamSource};
 use crate::stage::split::StageJob;
 use crate::storage::StorageError;
 use std::collections::BTreeSet;
@@ -83,45 +83,30 @@ pub fn inputs(
     out: &Path,
     accept: bool,
 ) -> Result<Vec<StreamInput>, RunError> {
-    let job = &jobs[index];
-    let mut inputs = Vec::new();
-    for replay in &job.replays {
-        let (name, place, expected_plane) = match &replay.source {
+    let input = |replay: &Replay| {
+        let (name, place, plane, descent) = match &replay.source {
             StreamSource::Gate(gate) => {
-                let gate = &scene.gates[*gate];
-                let source =
-                    jobs.iter().position(|other| other.records.iter().any(|record| record.gate.name == gate.name));
-                let source =
-                    source.ok_or_else(|| RunError::Stream(format!("no stage records gate '{}'", gate.name)))?;
-                let stage = outcomes.get(source).and_then(Option::as_ref).map(|outcome| outcome.folder.clone());
-                let stage = stage.unwrap_or_else(|| stage_folder(out, &jobs[source].name));
-                let place = stream_folder(&stage, &gate.name);
-                if !place.exists() {
-                    return Err(RunError::Stream(format!(
-                        "stage '{}' needs the stream of gate '{}', which is not there ({}); run stage '{}' first, or leave --stage out",
-                        job.name,
-                        gate.name,
-                        place.display(),
-                        jobs[source].name
-                    )));
-                }
-                (gate.name.clone(), place, Some(&gate.plane))
+                let descent = Descent::of(scene, jobs, *gate);
+                let descent = descent
+                    .ok_or_else(|| RunError::Stream(format!("no stage records gate '{}'", scene.gates[*gate].name)))?;
+                let place = recorded(
+                    &jobs[index],
+                    &jobs[descent.recorder],
+                    &scene.gates[*gate].name,
+                    outcomes.get(descent.recorder),
+                    out,
+                )?;
+                (scene.gates[*gate].name.clone(), place, Some(&scene.gates[*gate].plane), Some(descent))
             }
             StreamSource::Folder(folder) => {
-                let name =
-                    folder.file_name().map_or_else(|| "stream".to_owned(), |name| name.to_string_lossy().into_owned());
-                (name, folder.clone(), None)
+                let name = folder.file_name().map_or("stream".into(), |name| name.to_string_lossy());
+                (name.into_owned(), folder.clone(), None, None)
             }
         };
-        let reader = StreamReader::open(&place).map_err(|error| RunError::Stream(error.to_string()))?;
-        let expected = Expected {
-            materials: &scene.materials,
-            body: scene.body,
-            gravity: scene.gravity,
-            plane: expected_plane,
-            stage_key: None,
-        };
-        let manifest = reader.manifest().clone();
+        let manifest =
+            StreamReader::open(&place).map_err(|error| RunError::Stream(error.to_string()))?.manifest().clone();
+        let expected =
+            Expected { materials: &scene.materials, body: scene.body, gravity: scene.gravity, plane, stage_key: None };
         let misfits = manifest.misfits(&expected);
         if !misfits.is_empty() && !accept {
             return Err(RunError::Stream(format!(
@@ -130,13 +115,30 @@ pub fn inputs(
                 misfits.join("\n  ")
             )));
         }
-        let descent = match replay.source {
-            StreamSource::Gate(gate) => Descent::of(scene, jobs, gate),
-            StreamSource::Folder(_) => None,
-        };
-        inputs.push(StreamInput { name, digest: manifest.digest(), place, manifest, misfits, descent });
+        Ok(StreamInput { name, digest: manifest.digest(), place, manifest, misfits, descent })
+    };
+    jobs[index].replays.iter().map(input).collect()
+}
+
+/// Where the stage `recorder` has stored what passes `gate`, for the stage `asking`.
+fn recorded(
+    asking: &StageJob,
+    recorder: &StageJob,
+    gate: &str,
+    outcome: Option<&Option<StageOutcome>>,
+    out: &Path,
+) -> Result<PathBuf, RunError> {
+    let stage = outcome.and_then(Option::as_ref).map(|outcome| outcome.folder.clone());
+    let place = stream_folder(&stage.unwrap_or_else(|| stage_folder(out, &recorder.name)), gate);
+    if place.exists() {
+        return Ok(place);
     }
-    Ok(inputs)
+    Err(RunError::Stream(format!(
+        "stage '{}' needs the stream of gate '{gate}', which is not there ({}); run stage '{}' first, or leave --stage out",
+        asking.name,
+        place.display(),
+        recorder.name
+    )))
 }
 
 /// The order to replay each stream of a stage, with identities that do not meet.

@@ -6,8 +6,6 @@ mod sum;
 pub use account::{EnergyAccount, EnergyEntry, MomentumAccount, MomentumEntry};
 pub use sum::ExactSum;
 
-use super::record::RecordTally;
-use super::replay::ReplayTally;
 use crate::math::Vec3;
 use crate::particle::{Body, ParticleId, ParticleState};
 use serde::{Deserialize, Serialize};
@@ -254,32 +252,6 @@ pub struct ArrivalReport {
     pub histories: Histories,
     /// Everything that is not as stored, by reason.
     pub exceptions: Vec<Exceptions>,
-}
-
-/// A gate of `summary.json`: one stage that recorded it, and one line for every stage that replayed it.
-#[derive(Debug, Clone, Serialize)]
-pub struct GateLedger {
-    /// Name of the gate.
-    pub name: String,
-    /// What the upstream counted.
-    pub upstream: RecordTally,
-    /// What each downstream found.
-    pub downstream: Vec<DownstreamLedger>,
-}
-
-/// A stage that replayed a stream.
-#[derive(Debug, Clone, Serialize)]
-pub struct DownstreamLedger {
-    /// Name of the stage.
-    pub stage: String,
-    /// What the replayer counted.
-    pub replay: ReplayTally,
-    /// What arrived.
-    pub arrivals: ArrivalReport,
-    /// Momentum of the stage, where it was computed.
-    pub momentum: Option<MomentumAccount>,
-    /// Energy of the stage, where it was computed.
-    pub energy: Option<EnergyAccount>,
 }
 
 /// Bit for bit: 0.0 and -0.0 differ.

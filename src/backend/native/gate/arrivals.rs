@@ -18,7 +18,7 @@ use crate::gate::ledger::{ArrivalBook, ArrivalReport, Exception, Histories};
 use crate::gate::quality::{BackedUp, Quality, judge};
 use crate::gate::record::RecordTally;
 use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, ReplayTally, Replayer, StreamFacts};
-use crate::gate::stream::format::{Counts, Manifest, StoredEvent};
+use crate::gate::stream::format::{Manifest, StoredEvent};
 use crate::gate::stream::reader::StreamReader;
 use crate::gate::stream::transform::Placement;
 use crate::geometry::plane::GatePlane;
@@ -29,6 +29,7 @@ use crate::scene::gate::{BackingUp, Fate, PathMode, Replay};
 use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -39,8 +40,8 @@ pub struct ReplayResult {
     pub name: String,
     /// How it was replayed.
     pub replay: Replay,
-    /// What the stream holds.
-    pub stream: Counts,
+    /// True where particles were released with the stored bits at their own time steps.
+    pub exact: bool,
     /// What the replayer counted.
     pub tally: ReplayTally,
     /// What arrived, against what was recorded.
@@ -64,7 +65,6 @@ pub struct Arrivals {
     feed_offset: u32,
     replay: Replay,
     replayer: Replayer,
-    counts: Counts,
     events: Vec<StoredEvent>,
     plane: GatePlane,
     /// For each part of the stream its number here.
@@ -125,7 +125,6 @@ impl Arrivals {
             },
             replay: order.replay.clone(),
             replayer,
-            counts: manifest.counts,
             events: manifest.events.clone(),
             plane,
             parts: manifest.origin.part_names.iter().map(own_part).collect(),
@@ -310,6 +309,8 @@ impl Arrivals {
         let manifest = reader.manifest().clone();
         let namespace = manifest.origin.feeds.len() as u32;
         let finished = self.replayer.is_finished();
+        let placement = Placement::from(&self.replay.transform);
+        let damage = &Cell::new(None);
         let recorded = (0..self.replay.loops.max(1)).flat_map(|turn| {
             let offset = self.feed_offset + turn as u32 * namespace;
             let excuse = |time: f64| {
@@ -320,13 +321,21 @@ impl Arrivals {
                     () => None,
                 }
             };
-            reader.crossings().map_while(move |crossing| {
-                let crossing = crossing.ok()?;
-                let id = ParticleId::new(crossing.state.id.feed() + offset, crossing.state.id.serial());
-                Some((ParticleState { id, ..crossing.state }, excuse(crossing.passage.time)))
+            reader.crossings().map_while(move |crossing| match crossing {
+                Ok(Crossing { state, passage, .. }) => {
+                    let id = ParticleId::new(state.id.feed() + offset, state.id.serial());
+                    Some((ParticleState { id, ..placement.state(&state) }, excuse(passage.time)))
+                }
+                Err(error) => {
+                    damage.set(Some(error));
+                    None
+                }
             })
         });
         let arrivals = self.book.close(recorded, self.body);
+        if let Some(error) = damage.take() {
+            return Err(error.into());
+        }
         let (overlaps, backed_up) = self.pressure.finish();
         let tally = manifest.quality.get("recorded").cloned();
         let tally: Option<RecordTally> = tally.and_then(|value| serde_json::from_value(value).ok());
@@ -340,7 +349,7 @@ impl Arrivals {
         };
         Ok(ReplayResult {
             name: self.name,
-            stream: self.counts,
+            exact: self.replayer.is_exact(),
             tally: self.replayer.tally(),
             replay: self.replay,
             arrivals,
