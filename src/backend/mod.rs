@@ -1,6 +1,9 @@
 //! Who computes a stage.
 
 pub mod native;
+pub mod stage;
+
+pub use native::{PartEvent, Removal, RemovalCause};
 
 use crate::exit_code;
 use crate::storage::StorageError;
