@@ -4,6 +4,8 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+pub mod deck;
+pub mod parameters;
 pub mod record;
 pub mod replay;
 pub mod tags;
@@ -46,6 +48,12 @@ impl Schedule {
     }
 }
 
+/// A number as it stands in a deck: the shortest text that reads back to the same bits.
+#[must_use]
+pub fn deck_number(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e15).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
+}
+
 /// Names of files and folders in a case.
 pub mod files {
     /// The deck.
@@ -62,6 +70,8 @@ pub mod files {
     pub const CONTACTS: &str = "contacts";
     /// States of ghosts when they became ordinary particles, a text dump.
     pub const ARRIVALS: &str = "arrivals.dump";
+    /// Particles that were taken out, `GATE.dump` and `domain.dump`, text dumps with [`super::COLUMNS`].
+    pub const REMOVED: &str = "removed";
     /// Frames, `STEP.bin`, with [`super::COLUMNS`]; that of the last time step is always there.
     pub const FRAMES: &str = "frames";
     /// Rows of what is recorded in time.
