@@ -102,13 +102,56 @@ fn the_hopper_opens_once_at_rest_and_hands_over_what_passes() {
     let job = job(&plant, "hopper");
     let settings = LiggghtsSettings::default();
     let order = order(&job, 1e-5, 9000, &settings);
+    let folder = TempDir::new().unwrap();
+    let case = folder.path();
+    deck::write(&order, case).unwrap();
+    enter(case, &order.schedule, groups::ACTIVE, &lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros()));
+    let said = run(case);
+    assert!(said.contains("tollgate event plate 0"), "{said}");
+    assert!(said.contains("tollgate end time 9000"), "{said}");
+}
+
+/// Writes paths and releases of ghosts that fall at `speed` [m/s] and are released at the first sample at which they are below `plane` [m].
+fn paths(case: &Path, schedule: &Schedule, ghosts: &[Particle], plane: f64) {
+    fs::create_dir_all(case.join("paths")).unwrap();
+    let names = ["px", "py", "pz", "qx", "qy", "qz", "wx", "wy", "wz", "release"];
+    let mut texts = names.map(|_| String::new());
+    let interval = schedule.timestep * schedule.cadence.look as f64;
+    let released = |ghost: &Particle, sample: u64| ghost.4.z + ghost.5.z * interval * sample as f64 <= plane;
+    for sample in 0..=schedule.steps / schedule.cadence.look + 1 {
+        let steered: Vec<&Particle> =
+            ghosts.iter().filter(|ghost| sample > 0 && !released(ghost, sample - 1)).collect();
+        for (column, text) in texts.iter_mut().enumerate() {
+            let rows = steered.iter().filter(|ghost| column < 9 || released(ghost, sample));
+            let rows: Vec<String> = rows
+                .map(|(tag, _, _, _, at, velocity)| {
+                    let at = at + velocity * (interval * sample as f64);
+                    let value = [at.x, at.y, at.z, velocity.x, velocity.y, velocity.z, 0.0, 0.0, 0.0, 1.0][column];
+                    format!("{tag} {value}\n")
+                })
+                .collect();
+            write!(text, "{}\n{}", rows.len(), rows.concat()).unwrap();
+        }
+    }
+    for (name, text) in names.iter().zip(texts) {
+        fs::write(case.join("paths").join(name), text).unwrap();
+    }
+}
+
+#[test]
+fn ghosts_on_recorded_paths_become_particles_that_fall_on_the_chute() {
+    let plant = scene("tests/scenes/hopper", &[]);
+    let job = job(&plant, "chute");
+    let settings = LiggghtsSettings::default();
+    let order = order(&job, 1e-5, 9000, &settings);
     let folder = TempDir::new_in("/tmp/deck").unwrap();
     let folder = folder.keep();
     let case = folder.as_path();
     deck::write(&order, case).unwrap();
-    enter(case, &order.schedule, groups::ACTIVE, &lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros()));
+    let ghosts = lattice([5, 5, 4], vec3(-0.009, -0.009, 0.1903), 0.0045, 0.004, vec3(0.0, 0.0, -0.5));
+    enter(case, &order.schedule, groups::RECORDED, &ghosts);
+    paths(case, &order.schedule, &ghosts, 0.19);
     let said = run(case);
     println!("{}", case.display());
-    assert!(said.contains("tollgate event plate 0"), "{said}");
     assert!(said.contains("tollgate end time 9000"), "{said}");
 }
