@@ -155,3 +155,23 @@ fn ghosts_on_recorded_paths_become_particles_that_fall_on_the_chute() {
     println!("{}", case.display());
     assert!(said.contains("tollgate end time 9000"), "{said}");
 }
+
+#[test]
+fn the_sinter_chute_is_taken_as_it_is() {
+    let plant = scene("examples/sinter-chute", &[]);
+    let settings = LiggghtsSettings::default();
+    for (stage, height) in [("hopper", 0.64), ("chute-40", 0.52)] {
+        let job = job(&plant, stage);
+        let order = DeckOrder { ghosts: Ghosts::default(), ..order(&job, 1e-5, 2000, &settings) };
+        let folder = TempDir::new().unwrap();
+        deck::write(&order, folder.path()).unwrap();
+        let grains = lattice([6, 6, 5], vec3(-0.014, -0.012, height), 0.0045, 0.004, vec3(0.0, 0.0, -0.5));
+        enter(folder.path(), &order.schedule, groups::ACTIVE, &grains);
+        let said = run(folder.path());
+        assert!(said.contains("tollgate end time 2000"), "{said}");
+        let rows = fs::read_to_string(folder.path().join("series.txt")).unwrap();
+        let last: Vec<f64> = rows.lines().last().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
+        assert_eq!((last[0], last[2]), (2000.0, grains.len() as f64), "{rows}");
+        println!("{rows}");
+    }
+}
