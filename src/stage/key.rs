@@ -103,6 +103,7 @@ impl StageKey {
         content.remove("start_checkpoint");
         // Of those who compute by it: among the choices as well.
         content.remove("liggghts");
+        content.remove("backend");
         SPLIT_KEYS.iter().for_each(|key| drop(content.remove(*key)));
         let mut outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
