@@ -1,5 +1,6 @@
 //! Who computes a stage.
 
+pub mod frames;
 pub mod liggghts;
 pub mod native;
 pub mod stage;

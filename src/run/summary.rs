@@ -8,7 +8,7 @@ use crate::backend::stage::{EndReason, StageResult};
 use crate::backend::{BackendError, PartEvent, RemovalCause};
 use crate::dem::feed::{Amount, FeedReport};
 use crate::exit_code;
-use crate::output::series::Series;
+use crate::output::series::{Series, mass_column};
 use crate::output::summary::{
     EventSummary, FeedSummary, GradingSummary, Outcome, RemovalSummary, SceneProvenance, StageSummary, Summary,
 };
@@ -40,7 +40,7 @@ pub fn mass_series(scene: &Scene, folder: &Path) -> Result<Vec<MassSeries>, Stor
     let series = Series::read(&folder.join("series.csv"))?;
     let times = series.column("time_s").unwrap_or_default();
     let samples = |name: &str| {
-        let masses = series.column(&native::mass_column(name)).unwrap_or_default();
+        let masses = series.column(&mass_column(name)).unwrap_or_default();
         times.iter().copied().zip(masses.iter().copied()).collect()
     };
     Ok(wanted.into_iter().map(|name| MassSeries { measure: name.to_owned(), samples: samples(name) }).collect())

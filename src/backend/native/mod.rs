@@ -22,7 +22,6 @@ use crate::storage::StorageError;
 use checkpoint_file::CheckpointFile;
 use end::EndWatch;
 use gate::HandOver;
-pub use series::mass_column;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
