@@ -6,6 +6,7 @@ mod accounts;
 mod arrivals;
 mod pressure;
 mod recording;
+mod stored_stream;
 
 use super::{Kick, Request};
 use crate::backend::BackendError;
