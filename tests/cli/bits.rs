@@ -1,6 +1,6 @@
 //! The same bits whatever the number of threads, and however often a run is killed, interrupted and resumed.
 
-use super::common::{Answer, BEADS, Bench, FLOOR, Frame, assert_same, interrupt};
+use super::common::{Answer, BEADS, Bench, FLOOR, Frame, assert_same, interrupt, kill, seeded};
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::OnceLock;
@@ -125,16 +125,6 @@ fn two_threads_give_the_bits_of_one() {
     assert_same(undisturbed(), &bench.result("a"));
 }
 
-/// A few numbers that are the same at every repetition (Knuth's MMIX generator).
-fn seeded(seed: u64, count: usize, below: u64) -> Vec<usize> {
-    let mut state = seed;
-    let mut next = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 33) % below) as usize
-    };
-    (0..count).map(|_| next()).collect()
-}
-
 #[test]
 fn a_run_killed_again_and_again_ends_as_the_undisturbed_one() {
     let bench = bin();
@@ -147,8 +137,7 @@ fn a_run_killed_again_and_again_ends_as_the_undisturbed_one() {
         let command = [&["run", "scene.toml", "--threads", "1", "--out", "a"], further].concat();
         let mut child = bench.start(&command);
         let going = bench.wait_for_rows(&mut child, "a", rows);
-        child.kill().unwrap();
-        child.wait().unwrap();
+        kill(&mut child);
         assert!(going, "the run ended before row {rows}");
         assert!(!bench.path("a/summary.json").exists());
         further = &["--resume"];
