@@ -16,6 +16,7 @@ mod summary;
 
 use crate::backend::BackendError;
 use crate::backend::native;
+use crate::backend::stage::Kick;
 use crate::exit_code;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
@@ -223,8 +224,8 @@ fn unlike_the_stages(scene: &Scene, jobs: &[StageJob], request: &RunRequest) -> 
 }
 
 /// The kick of replicate number `draw`.
-fn kick_of(request: &RunRequest, draw: u64) -> Option<native::Kick> {
-    request.perturb.map(|length| native::Kick { length, draw })
+fn kick_of(request: &RunRequest, draw: u64) -> Option<Kick> {
+    request.perturb.map(|length| Kick { length, draw })
 }
 
 /// Where a stage of a cut scene has its results.

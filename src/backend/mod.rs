@@ -1,9 +1,14 @@
 //! Who computes a stage.
 
+pub mod liggghts;
 pub mod native;
+pub mod stage;
+
+pub use native::{PartEvent, Removal, RemovalCause};
 
 use crate::exit_code;
 use crate::storage::StorageError;
+use std::path::PathBuf;
 
 /// Why a stage was not computed to its end.
 #[derive(Debug)]
@@ -30,6 +35,21 @@ pub enum BackendError {
     Output(StorageError),
     /// A checkpoint does not fit what is asked of it.
     Checkpoint(String),
+    /// An external code is not there, or cannot do what the stage needs.
+    Incapable(String),
+    /// An external code failed, or did not do what its exit status says.
+    Failed {
+        /// What happened, where, and what to do next, in the user's words.
+        what: String,
+        /// Its case, which is kept.
+        case: PathBuf,
+        /// The command that runs the case by hand.
+        rerun: String,
+        /// Plant time reached [s].
+        time: f64,
+        /// Time steps done since time 0.
+        steps: u64,
+    },
 }
 
 impl BackendError {
@@ -40,6 +60,8 @@ impl BackendError {
             Self::Unstable { .. } | Self::Gate { .. } => exit_code::UNSTABLE,
             Self::Output(error) => error.exit_code(),
             Self::Checkpoint(_) => exit_code::STREAM_UNUSABLE,
+            Self::Incapable(_) => exit_code::NO_BACKEND,
+            Self::Failed { .. } => exit_code::BACKEND_FAILED,
         }
     }
 }
@@ -50,7 +72,10 @@ impl std::fmt::Display for BackendError {
             Self::Unstable { what, .. } => write!(f, "the run is unstable and was stopped: {what}"),
             Self::Gate { what, .. } => write!(f, "the run was stopped at a gate: {what}"),
             Self::Output(error) => error.fmt(f),
-            Self::Checkpoint(reason) => f.write_str(reason),
+            Self::Checkpoint(reason) | Self::Incapable(reason) => f.write_str(reason),
+            Self::Failed { what, case, rerun, .. } => {
+                write!(f, "{what}\nthe case is kept in {}; run it by hand with\n  {rerun}", case.display())
+            }
         }
     }
 }

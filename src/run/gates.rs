@@ -1,7 +1,7 @@
 //! Gates in the summary: what was recorded, what arrived, how good a place to cut it was.
 
 use crate::analysis::mass_flow_rate::mass_flow_rate;
-use crate::backend::native::gate::{GateResults, RecordResult, ReplayResult};
+use crate::backend::stage::{GateResults, RecordResult, ReplayResult};
 use crate::gate::stream::format::Counts;
 use crate::gate::stream::reader::StreamReader;
 use crate::storage::StorageError;

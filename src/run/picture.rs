@@ -6,7 +6,7 @@ use super::summary::event_text;
 use crate::analysis::MeasureResult;
 use crate::analysis::angle_of_repose::angle_of_repose;
 use crate::analysis::surface_profile::SurfacePoint;
-use crate::backend::native::StageResult;
+use crate::backend::stage::StageResult;
 use crate::exit_code;
 use crate::geometry::part::{Part, Trigger};
 use crate::math::{Bounds, Vec3};

@@ -4,7 +4,8 @@ use super::folder::{Claim, RunFolder};
 use super::streams::{self, StreamInput};
 use super::{RunError, RunRequest, picture, summary};
 use crate::analysis::{MeasureResult, Observed, evaluate};
-use crate::backend::native::{self, Kick};
+use crate::backend::native;
+use crate::backend::stage::{Kick, StageRequest, StageResult};
 use crate::exit_code;
 use crate::output::summary::Summary;
 use crate::output::timing::reset_peak_memory;
@@ -119,7 +120,7 @@ fn compute(
     let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
     setup.momentum = !job.records.is_empty() || !inputs.is_empty();
     let replays = streams::replays(job, inputs)?;
-    let stage = native::Request {
+    let stage = StageRequest {
         folder: place,
         key: &key.key,
         stage: &job.name,
@@ -179,7 +180,7 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
     Ok(StageKey::new(scene, &choices))
 }
 
-fn measured(scene: &Scene, result: &native::StageResult, folder: &Path) -> Result<Vec<MeasureResult>, StorageError> {
+fn measured(scene: &Scene, result: &StageResult, folder: &Path) -> Result<Vec<MeasureResult>, StorageError> {
     let mass_series = summary::mass_series(scene, folder)?;
     let observed = Observed {
         body: scene.body,

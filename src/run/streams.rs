@@ -2,7 +2,8 @@
 
 use super::stage::StageOutcome;
 use super::{RunError, stage_folder};
-use crate::backend::native::{self, ReplayOrder};
+use crate::backend::native;
+use crate::backend::stage::ReplayOrder;
 use crate::gate::stream::format::{Expected, Manifest};
 use crate::gate::stream::reader::StreamReader;
 use crate::scene::Scene;

@@ -3,8 +3,9 @@
 use super::stage::{StageOrder, StageOutcome};
 use super::{RunRequest, gates, load};
 use crate::analysis::{MassSeries, MeasureResult};
-use crate::backend::BackendError;
-use crate::backend::native::{self, EndReason, PartEvent, RemovalCause, StageResult};
+use crate::backend::native;
+use crate::backend::stage::{EndReason, StageResult};
+use crate::backend::{BackendError, PartEvent, RemovalCause};
 use crate::dem::feed::{Amount, FeedReport};
 use crate::exit_code;
 use crate::output::series::Series;

@@ -3,6 +3,7 @@
 //! [`read`] parses the file into a tree that knows where everything stands (`tree`), reads it key by key (`reader`,
 //! `resolve`) and checks what must hold between keys (`rules`). It finds everything that is wrong at once.
 
+pub mod backend;
 pub mod diagnostics;
 mod extent;
 pub mod gate;
@@ -64,6 +65,8 @@ pub struct Scene {
     pub gates: Vec<gate::Gate>,
     /// Stages in the scene's order, or as the gates imply them; none where there is neither gate nor stage.
     pub stages: Vec<gate::StageOutline>,
+    /// What LIGGGHTS is told, where it computes.
+    pub liggghts: backend::LiggghtsSettings,
     /// Start from another run's checkpoint instead of an empty scene.
     pub start_checkpoint: Option<PathBuf>,
 }

@@ -1,5 +1,6 @@
 //! From a file to a scene, or to everything that is wrong with it.
 
+use super::backend::LiggghtsSettings;
 use super::diagnostics::{Finding, Place, Report, Severity};
 use super::resolve::{Draft, resolve};
 use super::{Domain, MeasureKind, Scene, extent, rules, tree};
@@ -114,6 +115,7 @@ fn assemble(draft: Draft, domain: Domain) -> Option<Scene> {
         measures: measures.collect(),
         gates: draft.gates.into_iter().map(|gate| gate.item).collect(),
         stages: draft.stages.stages.into_iter().map(|stage| stage.item).collect(),
+        liggghts: LiggghtsSettings::default(),
         start_checkpoint: draft.start_checkpoint,
     })
 }

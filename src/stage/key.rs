@@ -101,6 +101,8 @@ impl StageKey {
         content.remove("name");
         // A path; what it leads to is among the choices.
         content.remove("start_checkpoint");
+        // Of those who compute by it: among the choices as well.
+        content.remove("liggghts");
         SPLIT_KEYS.iter().for_each(|key| drop(content.remove(*key)));
         let mut outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();

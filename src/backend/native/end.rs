@@ -1,38 +1,10 @@
 //! When a run ends.
 
+use crate::backend::stage::EndReason;
 use crate::dem::presence::RestWatch;
 use crate::dem::simulation::Simulation;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
-
-/// Why a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EndReason {
-    /// Its plant time is over.
-    Time,
-    /// The particles are at rest.
-    AtRest,
-    /// No particle is left.
-    Empty,
-    /// So many particles have left the domain.
-    LeftCount,
-    /// From outside; it can be resumed.
-    Interrupted,
-}
-
-impl EndReason {
-    /// In words, as `summary.json` has it.
-    #[must_use]
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::AtRest => "at rest",
-            Self::Empty => "empty",
-            Self::LeftCount => "count",
-            Self::Interrupted => "interrupted",
-        }
-    }
-}
 
 /// Watches the end conditions; part of a checkpoint.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]

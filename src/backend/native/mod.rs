@@ -9,26 +9,22 @@ mod series;
 pub mod setup;
 
 use super::BackendError;
-use crate::dem::feed::FeedReport;
+use super::stage::{EndReason, StageRequest, StageResult};
 use crate::dem::inspect::Partner;
 pub use crate::dem::presence::PartEvent;
 pub use crate::dem::removal::{Removal, RemovalCause};
 use crate::dem::simulation::{Setup, Simulation};
 use crate::dem::watchdog::Stop;
-use crate::output::progress::{Progress, Status, Verbosity};
+use crate::output::progress::{Progress, Status};
 use crate::output::timing::{Phase, ProcessUse, Timing};
-use crate::particle::{ParticleId, ParticleState};
 use crate::scene::Scene;
-use crate::stage::split::Recording;
 use crate::storage::StorageError;
 use checkpoint_file::CheckpointFile;
-pub use end::EndReason;
 use end::EndWatch;
-pub use gate::ReplayOrder;
-use gate::{GateResults, HandOver};
+use gate::HandOver;
 pub use series::mass_column;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Name of the backend in summaries.
@@ -36,80 +32,11 @@ pub const NAME: &str = "native";
 /// Counts changes that may change a bit of a result: part of every key.
 pub const NUMERICS_VERSION: u32 = 1;
 
-/// How a stage is to be run.
-#[derive(Debug, Clone, Copy)]
-pub struct Request<'a> {
-    /// Folder for everything that is written; it exists.
-    pub folder: &'a Path,
-    /// Identifies scene, choices and version; a checkpoint of another key is refused.
-    pub key: &'a str,
-    /// Name of the stage.
-    pub stage: &'a str,
-    /// Continue from the folder's checkpoint, where there is one.
-    pub resume: bool,
-    /// How much is said.
-    pub verbosity: Verbosity,
-    /// Set from outside to end the run after the present time step.
-    pub interrupted: &'a AtomicBool,
-    /// Gates to be recorded.
-    pub records: &'a [Recording],
-    /// Streams to be replayed.
-    pub replays: &'a [ReplayOrder],
-    /// A particle is moved at the start.
-    pub kick: Option<Kick>,
-}
-
-/// Moves one particle at the start, to see how a run answers to next to nothing.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Kick {
-    /// How far [m].
-    pub length: f64,
-    /// Picks particle and direction, together with the scene's seed.
-    pub draw: u64,
-}
-
-/// What came out of a stage.
-#[derive(Debug)]
-pub struct StageResult {
-    /// Why it ended.
-    pub end: EndReason,
-    /// Plant time reached [s].
-    pub time: f64,
-    /// Time steps done since time 0.
-    pub steps: u64,
-    /// Whether each part is there at the end.
-    pub present: Vec<bool>,
-    /// Final particles, by ascending identity.
-    pub particles: Vec<ParticleState>,
-    /// Final pairs of particles in contact.
-    pub contacts: Vec<(ParticleId, ParticleId)>,
-    /// Final contacts with parts, one entry a contact.
-    pub wall_contacts: Vec<ParticleId>,
-    /// What each feed brought.
-    pub feeds: Vec<FeedReport>,
-    /// Particles that left.
-    pub removed: Vec<Removal>,
-    /// Parts that appeared or disappeared.
-    pub events: Vec<PartEvent>,
-    /// What came through the gates.
-    pub gates: GateResults,
-    /// Wall time of this process on the stage [s], and the time steps that it did.
-    pub wall_s: f64,
-    /// Time steps that this process did.
-    pub own_steps: u64,
-    /// Particles times steps of this process.
-    pub particle_steps: f64,
-    /// Wall time by phase.
-    pub timing: Timing,
-    /// Processor time and memory of this process.
-    pub used: ProcessUse,
-}
-
 /// Computes a stage from its start or its checkpoint to its end.
 ///
 /// # Errors
 /// See [`BackendError`]. Whatever was written before the error stays readable.
-pub fn run(scene: &Scene, setup: Setup, request: &Request) -> Result<StageResult, BackendError> {
+pub fn run(scene: &Scene, setup: Setup, request: &StageRequest) -> Result<StageResult, BackendError> {
     let (started, before) = (Instant::now(), ProcessUse::now());
     let checkpoint = CheckpointFile::new(request.folder, request.key);
     let mut end = EndWatch::default();
@@ -245,7 +172,7 @@ impl Driver {
         &mut self,
         simulation: &mut Simulation,
         scene: &Scene,
-        request: &Request,
+        request: &StageRequest,
         progress: &mut Progress,
     ) -> Result<EndReason, BackendError> {
         let first_step = simulation.steps_done();

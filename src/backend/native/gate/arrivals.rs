@@ -1,9 +1,9 @@
 //! A stream that enters a stage.
 
-use super::ReplayOrder;
 use super::pressure::{Pressure, PressureState};
 use super::stored_stream::{StoredStream, facts, largest_overlap};
 use crate::backend::BackendError;
+use crate::backend::stage::{ReplayOrder, ReplayResult};
 use crate::dem::ghost::PrescribedMotion;
 use crate::dem::inspect::Partner;
 use crate::dem::neighbor::list::Memory;
@@ -14,10 +14,10 @@ use crate::dem::simulation::Simulation;
 use crate::dem::tether::TetherLaw;
 use crate::gate::HAND_OVER_STEPS;
 use crate::gate::crossing::{ContactPartner, Crossing, Motion, StoredContact};
-use crate::gate::ledger::{ArrivalBook, ArrivalReport, Exception, Histories};
-use crate::gate::quality::{BackedUp, Quality, judge};
+use crate::gate::ledger::{ArrivalBook, Exception, Histories};
+use crate::gate::quality::judge;
 use crate::gate::record::RecordTally;
-use crate::gate::replay::{Due, Release, ReplayStage, ReplayTally, Replayer};
+use crate::gate::replay::{Due, Release, ReplayStage, Replayer};
 use crate::gate::stream::format::StoredEvent;
 use crate::gate::stream::reader::StreamReader;
 use crate::gate::stream::transform::Placement;
@@ -31,27 +31,6 @@ use serde::{Deserialize, Serialize};
 use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::PathBuf;
-
-/// A stream that a stage has replayed.
-#[derive(Debug, Clone)]
-pub struct ReplayResult {
-    /// Its name.
-    pub name: String,
-    /// How it was replayed.
-    pub replay: Replay,
-    /// True where particles were released with the stored bits at their own time steps.
-    pub exact: bool,
-    /// What the replayer counted.
-    pub tally: ReplayTally,
-    /// What arrived, against what was recorded.
-    pub arrivals: ArrivalReport,
-    /// How the cut is judged by its figures.
-    pub quality: Option<Quality>,
-    /// The downstream was found to back up.
-    pub backed_up: Option<BackedUp>,
-    /// Particles that went back upstream beyond the generation plane.
-    pub left_upstream: u64,
-}
 
 /// Stiffness of a tether, w2 c / |g|: a force of ten times the weight displaces a particle by 0.68 c, the root of x + x^3 = 1.
 const TETHER_WEIGHTS: f64 = 10.0;

@@ -8,52 +8,19 @@ mod pressure;
 mod recording;
 mod stored_stream;
 
-use super::{Kick, Request};
 use crate::backend::BackendError;
+use crate::backend::stage::{GateResults, Kick, StageRequest};
 use crate::dem::simulation::Simulation;
 use crate::dem::watchdog::{Stop, StopCause};
-use crate::gate::ledger::{EnergyAccount, MomentumAccount};
 use crate::gate::stream::format::StoredEvent;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::scene::gate::Replay;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
 use arrivals::Arrivals;
-pub use arrivals::ReplayResult;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-pub use recording::RecordResult;
 use recording::Recording;
-use std::path::PathBuf;
-
-/// A stream that enters a stage.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReplayOrder {
-    /// Its name: the gate's, or the folder's.
-    pub name: String,
-    /// How it is replayed.
-    pub replay: Replay,
-    /// Where it is stored.
-    pub stream: PathBuf,
-    /// Added to the feed numbers in its particles' identities.
-    pub feed_offset: u32,
-    /// How many feed numbers its particles take, from `feed_offset` on.
-    pub feed_numbers: u32,
-}
-
-/// What came through the gates of a stage.
-#[derive(Debug, Clone, Default)]
-pub struct GateResults {
-    /// Streams recorded.
-    pub recorded: Vec<RecordResult>,
-    /// Streams replayed.
-    pub replayed: Vec<ReplayResult>,
-    /// Momentum of the stage's particles, where there is a gate.
-    pub momentum: Option<MomentumAccount>,
-    /// Energy of the stage's particles, where there is a gate and losses are accounted for.
-    pub energy: Option<EnergyAccount>,
-}
 
 /// Everything that a run does at its gates.
 #[derive(Debug)]
@@ -67,7 +34,7 @@ impl HandOver {
     /// The gates of a stage that begins, or goes on from a checkpoint (`held`).
     pub fn open(
         scene: &Scene,
-        request: &Request,
+        request: &StageRequest,
         simulation: &Simulation,
         held: Option<&ColumnReader>,
     ) -> Result<Self, BackendError> {

@@ -1,7 +1,8 @@
 //! A gate that is recorded.
 
 use crate::backend::BackendError;
-use crate::backend::native::{NAME, NUMERICS_VERSION, Request, feed_numbers};
+use crate::backend::native::{NAME, NUMERICS_VERSION, feed_numbers};
+use crate::backend::stage::{RecordResult, StageRequest};
 use crate::dem::held_contact::HeldContact;
 use crate::dem::inspect::Partner;
 use crate::dem::law::Compatibility;
@@ -10,11 +11,11 @@ use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::view::{NearPlane, ParticleView, PlaneDistance};
 use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
-use crate::gate::quality::{CrossingFigures, CrossingStatistics};
-use crate::gate::record::{RecordTally, Recorder, RecorderState, Role};
+use crate::gate::quality::CrossingStatistics;
+use crate::gate::record::{Recorder, RecorderState, Role};
 use crate::gate::stream::columns::{columns, from_columns};
 use crate::gate::stream::format;
-use crate::gate::stream::format::{Manifest, Origin, StoredEvent};
+use crate::gate::stream::format::{Origin, StoredEvent};
 use crate::gate::stream::writer::{Closing, StreamWriter};
 use crate::scene::Scene;
 use crate::scene::gate::{ExclusionMode, Gate};
@@ -27,21 +28,6 @@ use std::fs;
 /// Paths are stored from so many largest diameters farther upstream than asked for: a ghost enters up to
 /// [`crate::gate::HAND_OVER_STEPS`] before it reaches the generation plane.
 const ENTRY_MARGIN: f64 = 0.25;
-
-/// A stream that a stage has recorded.
-#[derive(Debug, Clone)]
-pub struct RecordResult {
-    /// The gate.
-    pub gate: Gate,
-    /// True where it was only looked at.
-    pub observed: bool,
-    /// What passed, and what became of it.
-    pub tally: RecordTally,
-    /// What the crossings were like.
-    pub crossings: CrossingFigures,
-    /// Manifest of the stream; `None` where the run did not come to its end.
-    pub manifest: Option<Manifest>,
-}
 
 /// A gate that is recorded.
 #[derive(Debug)]
@@ -61,7 +47,7 @@ impl Recording {
     pub fn open(
         scene: &Scene,
         order: &split::Recording,
-        request: &Request,
+        request: &StageRequest,
         simulation: &Simulation,
         held: Option<&ColumnReader>,
     ) -> Result<Self, BackendError> {
@@ -222,7 +208,7 @@ fn recorder_state(reader: &ColumnReader, prefix: &str) -> Result<RecorderState, 
 fn origin(
     scene: &Scene,
     order: &split::Recording,
-    request: &Request,
+    request: &StageRequest,
     simulation: &Simulation,
 ) -> Result<Origin, StorageError> {
     let gate = &order.gate;
@@ -256,7 +242,7 @@ fn origin(
 }
 
 /// Names of feeds by number; those that particles of replayed streams have beyond the scene's own bear the stream's name.
-fn feed_names(scene: &Scene, request: &Request) -> Result<Vec<String>, StorageError> {
+fn feed_names(scene: &Scene, request: &StageRequest) -> Result<Vec<String>, StorageError> {
     let mut names: Vec<String> = scene.feeds.iter().map(|feed| feed.name.clone()).collect();
     let own = feed_numbers(scene)? as usize;
     (names.len()..own).for_each(|number| names.push(format!("start {number}")));
