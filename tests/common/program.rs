@@ -198,12 +198,17 @@ impl From<Output> for Answer {
 }
 
 impl Answer {
-    /// Ended with this status and these words, and nothing on stdout.
-    pub fn refused(&self, code: i32, words: &[&str]) {
+    /// Ended with this status, and these words on stderr.
+    pub fn ended(&self, code: i32, words: &[&str]) {
         assert_eq!(self.code, code, "{self:?}");
         for word in words {
             assert!(self.err.contains(word), "no {word:?} in: {}", self.err);
         }
+    }
+
+    /// The same, and nothing on stdout.
+    pub fn refused(&self, code: i32, words: &[&str]) {
+        self.ended(code, words);
         assert!(self.out.is_empty(), "{self:?}");
     }
 }

@@ -96,7 +96,8 @@ fn an_interrupted_run_goes_on_in_either_stage() {
         assert!(bench.wait(&mut child, || rows_of_stages(&place) >= point), "it ended before row {point}");
         interrupt(&child);
         let answer = Answer::from(child.wait_with_output().unwrap());
-        answer.refused(130, &["interrupted", "--resume"]);
+        answer.ended(130, &["interrupted", "--resume"]);
+        assert_eq!(answer.out.contains("no stream yet"), stages == 1, "{}", answer.out);
         let summary = bench.summary("a");
         assert_eq!((summary.word("/outcome/reason"), summary.number("/outcome/exit_code")), ("interrupted", 130.0));
         assert_eq!(summary.list("/stages").len(), stages);
