@@ -1,8 +1,8 @@
 //! A stream that enters a stage.
 
 use super::pressure::{Pressure, PressureState};
+use super::stored_stream::{StoredStream, facts, largest_overlap};
 use crate::backend::BackendError;
-use crate::backend::native::NAME;
 use crate::backend::stage::{ReplayOrder, ReplayResult};
 use crate::dem::ghost::PrescribedMotion;
 use crate::dem::inspect::Partner;
@@ -17,8 +17,8 @@ use crate::gate::crossing::{ContactPartner, Crossing, Motion, StoredContact};
 use crate::gate::ledger::{ArrivalBook, Exception, Histories};
 use crate::gate::quality::judge;
 use crate::gate::record::RecordTally;
-use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, Replayer, StreamFacts};
-use crate::gate::stream::format::{Manifest, StoredEvent};
+use crate::gate::replay::{Due, Release, ReplayStage, Replayer};
+use crate::gate::stream::format::StoredEvent;
 use crate::gate::stream::reader::StreamReader;
 use crate::gate::stream::transform::Placement;
 use crate::geometry::plane::GatePlane;
@@ -26,7 +26,6 @@ use crate::math::Vec3;
 use crate::particle::{Body, ParticleId, ParticleState};
 use crate::scene::Scene;
 use crate::scene::gate::{BackingUp, Fate, PathMode, Replay};
-use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter};
 use serde::{Deserialize, Serialize};
 use std::cell::Cell;
@@ -109,7 +108,7 @@ impl Arrivals {
             parts: manifest.origin.part_names.iter().map(own_part).collect(),
             due: Due::default(),
             book: ArrivalBook::default(),
-            pressure: Pressure::new(&order.name, plane, diameter, scene.gravity.norm(), upstream_overlap(&manifest)),
+            pressure: Pressure::new(&order.name, plane, diameter, scene.gravity.norm(), largest_overlap(&manifest)),
             body: scene.body,
             arrived: HashMap::new(),
             left_upstream: 0,
@@ -339,56 +338,11 @@ impl Arrivals {
     }
 }
 
-/// Largest overlap over the radius at the crossings of a stream [-]; 0 where it does not say.
-fn upstream_overlap(manifest: &Manifest) -> f64 {
-    manifest.quality["crossings"]["largest_overlap_share"].as_f64().unwrap_or(0.0)
-}
-
 fn stopped(simulation: &Simulation, stream: &str, what: &str) -> BackendError {
     BackendError::Gate {
         what: format!("stream '{stream}': {what}"),
         time: simulation.time(),
         steps: simulation.steps_done(),
-    }
-}
-
-/// A stored stream with the scene's numbers of materials.
-#[derive(Debug)]
-struct StoredStream {
-    reader: StreamReader,
-    materials: Vec<Option<u16>>,
-}
-
-impl CrossingSource for StoredStream {
-    fn chunk_count(&self) -> usize {
-        self.reader.chunk_count()
-    }
-
-    fn chunk(&mut self, index: usize) -> Result<Vec<Crossing>, StorageError> {
-        let mut crossings = self.reader.chunk(index)?;
-        for crossing in &mut crossings {
-            let own = self.materials.get(usize::from(crossing.state.material)).copied().flatten();
-            crossing.state.material = own.ok_or_else(|| {
-                StorageError::unusable(self.reader.place(), "it has particles of a material that the scene lacks")
-            })?;
-        }
-        Ok(crossings)
-    }
-}
-
-fn facts(manifest: &Manifest) -> StreamFacts {
-    let origin = &manifest.origin;
-    let range = manifest.counts.range;
-    StreamFacts {
-        plane: origin.plane,
-        passage: origin.passage,
-        timestep: origin.timestep,
-        every: origin.paths.map(|paths| paths.every),
-        first_passage: range.map_or(0.0, |range| range.first_time),
-        last_passage: range.map_or(0.0, |range| range.last_time),
-        native: origin.backend == NAME && origin.provenance.is_empty(),
-        chunks: manifest.chunks.iter().map(|chunk| (chunk.range.first_step, chunk.range.last_step)).collect(),
-        namespace: origin.feeds.len() as u32,
     }
 }
 
