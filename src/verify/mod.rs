@@ -11,6 +11,7 @@ mod experiment;
 mod impact_measure;
 mod incline;
 mod invariants;
+mod liggghts;
 mod native;
 mod normal_impact;
 mod oblique_impact;
@@ -21,6 +22,7 @@ mod rolling_resistance;
 mod table;
 
 pub use experiment::{CaseSetup, Departure, EnergySample, Experiment, NotRun, Sample};
+pub use liggghts::Liggghts;
 pub use native::Native;
 pub use table::table;
 
