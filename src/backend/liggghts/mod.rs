@@ -4,6 +4,7 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+pub mod parameters;
 pub mod tags;
 
 use crate::gate::Cadence;
@@ -42,6 +43,12 @@ impl Schedule {
     pub fn time(&self, step: u64) -> f64 {
         step as f64 * self.timestep
     }
+}
+
+/// A number as it stands in a deck: the shortest text that reads back to the same bits.
+#[must_use]
+pub fn deck_number(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e15).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
 }
 
 /// Names of files and folders in a case.
