@@ -5,7 +5,7 @@
 
 pub mod backend;
 pub mod diagnostics;
-mod extent;
+pub(crate) mod extent;
 pub mod gate;
 pub mod layout;
 mod quantity;

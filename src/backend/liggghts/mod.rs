@@ -4,7 +4,10 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+pub mod deck;
 pub mod parameters;
+pub mod record;
+pub mod replay;
 pub mod tags;
 
 use crate::gate::Cadence;
@@ -67,6 +70,8 @@ pub mod files {
     pub const CONTACTS: &str = "contacts";
     /// States of ghosts when they became ordinary particles, a text dump.
     pub const ARRIVALS: &str = "arrivals.dump";
+    /// Particles that were taken out, `GATE.dump` and `domain.dump`, text dumps with [`super::COLUMNS`].
+    pub const REMOVED: &str = "removed";
     /// Frames, `STEP.bin`, with [`super::COLUMNS`]; that of the last time step is always there.
     pub const FRAMES: &str = "frames";
     /// Rows of what is recorded in time.
