@@ -4,7 +4,13 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+mod explain;
+pub mod launch;
+pub mod probe;
+mod processes;
+pub mod screen;
 pub mod tags;
+mod watch;
 
 use crate::gate::Cadence;
 
