@@ -171,8 +171,18 @@ const MEANINGS: [Meaning; 30] = [
 /// An error as `what (LIGGGHTS' text), in FILE:LINE: COMMAND; next`.
 pub(super) fn explain(case: &Path, error: &str, recent: &VecDeque<String>) -> String {
     let meaning = MEANINGS.iter().find(|meaning| error.contains(meaning.says)).unwrap_or(&NOTHING_KNOWN);
-    let place = place(case, recent).map_or_else(String::new, |place| format!("\nat {place}"));
+    let place = definition(case, error).or_else(|| place(case, recent));
+    let place = place.map_or_else(String::new, |place| format!("\nat {place}"));
     format!("{}: {error}{place}\n{}", meaning.what, meaning.next)
+}
+
+/// The line that defines what an error names: a mesh is found to be wrong only when the run begins.
+fn definition(case: &Path, error: &str) -> Option<String> {
+    let (name, _) = error.split_once("(id ")?.1.split_once(')')?;
+    let deck = Commands::read(case, files::DECK);
+    let defines = |command: &str| command.strip_prefix("fix ").is_some_and(|rest| rest.split(' ').next() == Some(name));
+    let (_, command) = deck.all.iter().find(|(_, command)| defines(command))?;
+    deck.find(command)
 }
 
 /// The line that LIGGGHTS read last, as `FILE:LINE: COMMAND`.
@@ -283,6 +293,13 @@ mod tests {
             place(case.path(), &seen(&["include batches/${step}.in", "include batches/8.in"])).unwrap(),
             "in.liggghts:1: include batches/${step}.in"
         );
+    }
+
+    #[test]
+    fn what_an_error_names_is_where_it_is_defined() {
+        let case = case("fix lid2 all x\nfix  lid all mesh/surface file a.stl type 1\nrun 5\n");
+        let text = explain(case.path(), "Mesh (id lid): 1 mesh elements have left the domain", &seen(&["run 5"]));
+        assert!(text.contains("at in.liggghts:2: fix lid all mesh/surface"), "{text}");
     }
 
     #[test]
