@@ -2,6 +2,7 @@
 
 mod check;
 mod compare;
+mod doctor;
 mod init;
 mod plan;
 mod run;
@@ -35,6 +36,8 @@ enum Verb {
     Run(run::Arguments),
     /// Compare two sets of runs: differences with 95 % intervals, and a verdict
     Compare(compare::Arguments),
+    /// Say what is installed, what it can do, and what to install
+    Doctor(doctor::Arguments),
     /// Show, check, export, import or move what was recorded at a gate
     Stream(stream::Arguments),
     /// Verify the solver against closed forms and published benchmarks
@@ -123,6 +126,7 @@ pub fn main() -> ExitCode {
         Verb::Plan(arguments) => plan::run(&arguments),
         Verb::Run(arguments) => run::run(&arguments),
         Verb::Compare(arguments) => compare::run(&arguments),
+        Verb::Doctor(arguments) => doctor::run(&arguments),
         Verb::Stream(arguments) => stream::run(&arguments),
         Verb::Verify(arguments) => verify::run(&arguments),
     })

@@ -4,11 +4,17 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+mod explain;
+mod processes;
 pub mod deck;
+pub mod launch;
 pub mod parameters;
+pub mod probe;
 pub mod record;
 pub mod replay;
+pub mod screen;
 pub mod tags;
+mod watch;
 
 use crate::gate::Cadence;
 
