@@ -1,0 +1,3 @@
+//! What LIGGGHTS sampled at the gates, turned into streams.
+
+pub mod contacts;
