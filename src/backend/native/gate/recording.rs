@@ -10,6 +10,7 @@ use crate::dem::particles::Path;
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::view::{NearPlane, ParticleView, PlaneDistance};
+use crate::gate::Cadence;
 use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
 use crate::gate::quality::CrossingStatistics;
 use crate::gate::record::{Recorder, RecorderState, Role};
@@ -58,7 +59,7 @@ impl Recording {
         if let Some(paths) = &mut watched.paths {
             paths.length += ENTRY_MARGIN * scene.largest_diameter();
         }
-        let mut recorder = Recorder::new(&watched, role, scene.gravity, timestep, scene.largest_diameter());
+        let mut recorder = Recorder::new(&watched, role, scene.gravity, timestep, scene.largest_diameter(), Cadence::NATIVE);
         // The generation zone is the replay's; the path's length, or else that of the exclusion zone, stands for it.
         let length = gate.paths.map_or(gate.exclusion.length, |paths| paths.length);
         let mut statistics = CrossingStatistics::new(gate.plane.normal, &scene.gravity, scene.body, length);
