@@ -2,6 +2,7 @@
 
 pub mod liggghts;
 pub mod native;
+pub mod recording;
 pub mod stage;
 
 pub use native::{PartEvent, Removal, RemovalCause};

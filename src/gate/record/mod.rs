@@ -387,6 +387,11 @@ impl Recorder {
         }
     }
 
+    /// Particles that have been recorded and have not left the run as far as is known, in no order.
+    pub fn gone_through(&self) -> impl Iterator<Item = ParticleId> {
+        self.after.keys().copied()
+    }
+
     /// What has been counted.
     #[must_use]
     pub fn tally(&self) -> RecordTally {
