@@ -3,6 +3,7 @@
 pub mod frames;
 pub mod liggghts;
 pub mod native;
+pub mod recording;
 pub mod stage;
 
 pub use native::{PartEvent, Removal, RemovalCause};
