@@ -1,5 +1,6 @@
 //! Who computes a stage.
 
+pub mod incoming;
 pub mod liggghts;
 pub mod native;
 pub mod stage;

@@ -4,6 +4,7 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+pub mod feeds;
 pub mod replay;
 pub mod tags;
 
