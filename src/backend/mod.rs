@@ -1,6 +1,7 @@
 //! Who computes a stage.
 
 pub mod frames;
+pub mod incoming;
 pub mod liggghts;
 pub mod native;
 pub mod recording;

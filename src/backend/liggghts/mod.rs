@@ -7,6 +7,7 @@
 mod explain;
 mod processes;
 pub mod deck;
+pub mod feeds;
 pub mod launch;
 pub mod parameters;
 pub mod probe;

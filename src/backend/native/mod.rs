@@ -3,6 +3,7 @@
 pub mod calibrate;
 mod checkpoint_file;
 mod end;
+pub mod feeds;
 mod frames;
 pub mod gate;
 mod series;

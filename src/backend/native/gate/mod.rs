@@ -6,7 +6,6 @@ mod accounts;
 mod arrivals;
 mod pressure;
 mod recording;
-mod stored_stream;
 
 use crate::backend::BackendError;
 use crate::backend::stage::{GateResults, Kick, StageRequest};
