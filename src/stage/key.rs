@@ -44,6 +44,9 @@ pub struct Choices<'a> {
     /// Kick of a particle at the start: length [m], number of the draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kick: Option<(f64, u64)>,
+    /// Of an external code: its version, and what it is told that may change a number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub external: Option<&'a Value>,
 }
 
 /// How a stream is replayed; which one it is its digest says, wherever it comes from.

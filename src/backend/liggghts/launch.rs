@@ -112,13 +112,17 @@ const AFTER_ERROR: Duration = Duration::from_secs(5);
 /// Longest that the pipes may stay open after the process has ended.
 const PIPES: Duration = Duration::from_secs(5);
 
-/// Runs a case to its end. `each` is called now and then with the time step reached: what belongs to earlier steps is written.
+/// What is called while a case runs.
+pub type Each<'a> = dyn FnMut(u64, &[Event]) -> Result<(), BackendError> + 'a;
+
+/// Runs a case to its end. `each` is called now and then with the time step reached, and what has happened to parts up to it: what
+/// belongs to earlier steps is written.
 ///
 /// # Errors
 /// [`BackendError::Incapable`] where LIGGGHTS or what starts it is missing or of another version; [`BackendError::Unstable`] where
 /// numbers are no longer finite; [`BackendError::Output`] where the disk is full; [`BackendError::Failed`] for everything else;
 /// what `each` returns.
-pub fn run(launch: &Launch, each: &mut dyn FnMut(u64) -> Result<(), BackendError>) -> Result<Outcome, BackendError> {
+pub fn run(launch: &Launch, each: &mut Each<'_>) -> Result<Outcome, BackendError> {
     let program = probe::path()?;
     if let Some(missing) = Tools::find().missing(launch.ranks) {
         return Err(missing.into());
@@ -263,7 +267,7 @@ impl<'a> Running<'a> {
     }
 
     /// Until the process has ended, or must be ended.
-    fn drive(&mut self, each: &mut dyn FnMut(u64) -> Result<(), BackendError>) -> Result<Option<Stop>, BackendError> {
+    fn drive(&mut self, each: &mut Each<'_>) -> Result<Option<Stop>, BackendError> {
         let (mut called, mut told) = (Instant::now(), None);
         loop {
             match self.news.recv_timeout(TICK) {
@@ -296,7 +300,7 @@ impl<'a> Running<'a> {
             self.look_at_space()?;
             let step = self.watch.step();
             if step != told && called.elapsed() >= CALL_INTERVAL {
-                each(step.unwrap_or(0))?;
+                each(step.unwrap_or(0), self.watch.events())?;
                 (called, told) = (Instant::now(), step);
             }
         }

@@ -322,6 +322,21 @@ impl Prepared {
         Ok(feeds.reports())
     }
 
+    /// Who has entered a case that ended at time step `end`: what would enter at its last one does not.
+    #[must_use]
+    pub fn entered_before(&self, end: u64) -> Vec<ParticleId> {
+        let entered = self.tags.ids().iter().zip(&self.particles).filter(|(_, entered)| entered.step < end.max(1));
+        entered.map(|(id, _)| *id).collect()
+    }
+
+    /// For each particle 1 where it is a ghost at time step `step`, else 0; `None` in a case without ghosts.
+    #[must_use]
+    pub fn ghosts_at(&self, step: u64, particles: &[ParticleState]) -> Option<Vec<u8>> {
+        let release = |id| self.tags.tag(id).and_then(|tag| self.particles.get(tag as usize - 1));
+        let is_ghost = |id| release(id).is_some_and(|entered| entered.stream.is_some() && entered.release > step);
+        self.ghosts.any().then(|| particles.iter().map(|particle| u8::from(is_ghost(particle.id))).collect())
+    }
+
     /// Compares what the case released with what its streams hold, and passes on what came of each replay.
     ///
     /// # Errors

@@ -96,7 +96,9 @@ impl WallText<'_> {
         let list = list.collect::<Vec<_>>().join(" ");
         let command = |count: &str| {
             let (model, options) = (&self.models.wall_model, &self.models.wall_options);
-            format!("fix walls all wall/gran {model} mesh n_meshes {count} meshes {list} {options}").trim_end().to_owned()
+            format!("fix walls all wall/gran {model} mesh n_meshes {count} meshes {list} {options}")
+                .trim_end()
+                .to_owned()
         };
         if changing.is_empty() {
             return format!("{}\n", command(&steady.to_string()));

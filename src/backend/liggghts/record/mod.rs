@@ -277,7 +277,9 @@ impl World {
 impl GateRecording {
     /// Looks at a sample, and keeps who has passed.
     fn look(&mut self, world: &World, sample: &Sample, path: &Path) -> Result<(), BackendError> {
-        if let Some(row) = sample.rows().find(|row| world.id(row.tag).is_none() || usize::from(row.kind) > world.materials) {
+        if let Some(row) =
+            sample.rows().find(|row| world.id(row.tag).is_none() || usize::from(row.kind) > world.materials)
+        {
             let (tag, kind) = (row.tag, row.kind);
             let (particles, materials) = (world.ids.len(), world.materials);
             let reason = format!(
