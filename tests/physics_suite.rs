@@ -1,7 +1,7 @@
 //! The particle-level suite on the native solver, and proof that it can fail.
 
 use tollgate::material::{PairContact, PairProperties};
-use tollgate::verify::{Case, CaseResult, CaseSetup, Experiment, Native, Sample, run_case, suite, table};
+use tollgate::verify::{Case, CaseResult, CaseSetup, Experiment, Native, NotRun, Sample, run_case, suite, table};
 
 fn case(name: &str) -> Case {
     suite().into_iter().find(|case| case.name == name).unwrap_or_else(|| panic!("no case {name}"))
@@ -17,7 +17,7 @@ fn the_native_solver_is_within_every_tolerance() {
 struct Faulty(fn(&mut CaseSetup), fn(&mut Sample));
 
 impl Experiment for Faulty {
-    fn run(&mut self, setup: &CaseSetup) -> Result<Vec<Sample>, String> {
+    fn run(&mut self, setup: &CaseSetup) -> Result<Vec<Sample>, NotRun> {
         let mut changed = setup.clone();
         (self.0)(&mut changed);
         let mut samples = Native.run(&changed)?;

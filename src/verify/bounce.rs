@@ -3,7 +3,7 @@
 
 use super::experiment::LINEAR;
 use super::reference::{Bounce, damping_ratio, sphere_mass};
-use super::{Case, CaseSetup, Check, Experiment, Sample, Tolerance};
+use super::{Case, CaseSetup, Check, Experiment, NotRun, Sample, Tolerance};
 use crate::material::{Material, MaterialTable, PairContact, PairProperties};
 use crate::math::{Vec3, vec3};
 
@@ -36,7 +36,7 @@ fn drop_sphere(
     bounce: &Bounce,
     duration: f64,
     sample_every: u64,
-) -> Result<Vec<Sample>, String> {
+) -> Result<Vec<Sample>, NotRun> {
     let mut materials = MaterialTable::new(vec![
         Material { name: "sphere".into(), density: Some(2600.0), elasticity: None },
         Material { name: "plane".into(), density: None, elasticity: None },
@@ -63,7 +63,7 @@ fn drop_sphere(
     experiment.run(&setup)
 }
 
-fn first_contact(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn first_contact(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     for (stiffness, e) in
         [(1e4, 0.9), (1e4, 0.6), (2.5e4, 1.0), (2.5e4, 0.8), (5e4, 0.9), (5e4, 0.6), (1e5, 1.0), (1e5, 0.7)]
@@ -93,7 +93,7 @@ fn first_contact(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> 
     Ok(checks)
 }
 
-fn successive_bounces(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn successive_bounces(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     const BOUNCES: usize = 5;
     let mut checks = Vec::new();
     for (stiffness, e) in [(5e4, 1.0), (5e4, 0.9), (5e5, 0.9), (5e5, 0.7), (5e6, 1.0), (5e6, 0.8)] {
@@ -114,7 +114,7 @@ fn successive_bounces(experiment: &mut dyn Experiment) -> Result<Vec<Check>, Str
             });
         }
         if checks.len() % BOUNCES != 0 {
-            return Err(format!("fewer than {BOUNCES} bounces seen at k = {stiffness:e} N/m, e = {e}"));
+            return Err(format!("fewer than {BOUNCES} bounces seen at k = {stiffness:e} N/m, e = {e}").into());
         }
     }
     Ok(checks)

@@ -9,7 +9,7 @@
 
 use super::experiment::{HERTZ, one_material, restitution};
 use super::reference::{sphere_mass, static_overlap};
-use super::{Case, CaseSetup, Check, Experiment, Tolerance};
+use super::{Case, CaseSetup, Check, Experiment, NotRun, Tolerance};
 use crate::dem::law::LawSettings;
 use crate::math::{Vec3, vec3};
 
@@ -26,7 +26,7 @@ const DENSITY: f64 = 2500.0;
 const YOUNGS_MODULUS: f64 = 1e8;
 const POISSONS_RATIO: f64 = 0.25;
 
-fn chock(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn chock(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     for ratio in [4.0, 20.0, 100.0_f64] {
         let limit = (1.0 / ratio).sqrt();
@@ -48,7 +48,7 @@ fn chock(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
 }
 
 /// How far the big sphere moves downhill [m].
-fn travel(experiment: &mut dyn Experiment, ratio: f64, friction: f64) -> Result<f64, String> {
+fn travel(experiment: &mut dyn Experiment, ratio: f64, friction: f64) -> Result<f64, NotRun> {
     let big = ratio * SMALL;
     let table = one_material(DENSITY, YOUNGS_MODULUS, POISSONS_RATIO, restitution(0.3), friction);
     let mut setup = CaseSetup::new(table, LawSettings { tangential_damping: true, ..HERTZ }, 20.0 * big);

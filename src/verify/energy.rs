@@ -1,7 +1,7 @@
 //! Energy balance of two-particle impacts, law by law.
 
 use super::experiment::{HERTZ, LINEAR, with_rolling};
-use super::{Case, CaseSetup, Check, EnergySample, Experiment, Tolerance};
+use super::{Case, CaseSetup, Check, EnergySample, Experiment, NotRun, Tolerance};
 use crate::dem::law::{LawSettings, NormalLaw, RollingLaw, TangentialLaw};
 use crate::material::PairContact;
 use crate::math::vec3;
@@ -13,7 +13,7 @@ pub(super) const CASES: &[Case] = &[Case {
     run: impacts,
 }];
 
-fn impacts(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn impacts(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     for (normal, base) in [("linear", LINEAR), ("Hertz", HERTZ)] {
         for (tangential, law) in [("total", TangentialLaw::Total), ("incremental", TangentialLaw::Incremental)] {
@@ -38,7 +38,7 @@ fn impacts(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
 }
 
 /// Two unlike spheres meet obliquely and with spin, and part.
-fn balance(experiment: &mut dyn Experiment, name: &str, law: LawSettings) -> Result<Vec<Check>, String> {
+fn balance(experiment: &mut dyn Experiment, name: &str, law: LawSettings) -> Result<Vec<Check>, NotRun> {
     let table = with_rolling(2500.0, 1e8, 0.3, PairContact::Restitution { coefficient: 0.7 }, [0.05, 0.05]);
     let mut setup = CaseSetup::new(table, law, 1.0);
     setup.energy = true;
@@ -87,7 +87,7 @@ fn balance(experiment: &mut dyn Experiment, name: &str, law: LawSettings) -> Res
     }
     let idle = [after.slip, after.dashpot].iter().any(|&part| part < 0.05 * lost) && !law.tangential_damping;
     if lost <= 0.01 * kinetic(first) || idle {
-        return Err(format!("{name}: the impact leaves a column of the budget next to empty: {after:?}"));
+        return Err(format!("{name}: the impact leaves a column of the budget next to empty: {after:?}").into());
     }
     Ok(checks)
 }

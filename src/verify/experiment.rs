@@ -9,11 +9,52 @@ use crate::particle::{Body, ParticleId, ParticleState};
 
 /// A backend as the suite sees it.
 pub trait Experiment {
+    /// Where the backend's formulas are known to be others than the suite's.
+    fn departures(&self) -> &'static [Departure] {
+        &[]
+    }
+
     /// Runs `setup` from time 0 and returns the state at step 0, `sample_every`, 2 `sample_every`, ... up to `steps`.
     ///
     /// # Errors
-    /// Why the backend could not run it, in the user's words.
-    fn run(&mut self, setup: &CaseSetup) -> Result<Vec<Sample>, String>;
+    /// What the backend cannot do at all, or why a run failed.
+    fn run(&mut self, setup: &CaseSetup) -> Result<Vec<Sample>, NotRun>;
+}
+
+/// Why an experiment gave no samples, in the user's words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NotRun {
+    /// The backend has no such law, body or account.
+    NotPossible(String),
+    /// It has, but the run failed or its result cannot be used.
+    Failed(String),
+}
+
+impl From<String> for NotRun {
+    fn from(reason: String) -> Self {
+        Self::Failed(reason)
+    }
+}
+
+impl From<&str> for NotRun {
+    fn from(reason: &str) -> Self {
+        Self::Failed(reason.to_owned())
+    }
+}
+
+/// A known difference of formulas: it explains why a check is out of tolerance, within a bound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Departure {
+    /// Case it shows in.
+    pub case: &'static str,
+    /// Part of the quantities' text; empty for all of the case.
+    pub quantity: &'static str,
+    /// Largest difference that it explains, as a share of the reference where `is_relative`, else in the check's unit.
+    pub bound: f64,
+    /// Whether the bound is a share of the reference.
+    pub is_relative: bool,
+    /// Name of the convention, as in docs/theory/conventions.md.
+    pub convention: &'static str,
 }
 
 /// A small scene, complete: what is not here does not act.

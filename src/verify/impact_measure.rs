@@ -1,6 +1,6 @@
 //! What a trajectory tells about an impact: touch and separation from free flight, peaks from a parabola.
 
-use super::Sample;
+use super::{NotRun, Sample};
 
 /// An impact as measured.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +18,7 @@ pub(super) fn measure_impact(
     samples: &[Sample],
     overlap: impl Fn(&Sample) -> f64,
     rate: impl Fn(&Sample) -> f64,
-) -> Result<MeasuredImpact, String> {
+) -> Result<MeasuredImpact, NotRun> {
     let overlaps: Vec<f64> = samples.iter().map(&overlap).collect();
     let first = overlaps.iter().position(|&x| x > 0.0).ok_or("the bodies did not touch")?;
     let length = overlaps[first..].iter().position(|&x| x <= 0.0).ok_or("the bodies did not separate")?;

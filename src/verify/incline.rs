@@ -2,7 +2,7 @@
 
 use super::experiment::{HERTZ, one_material, restitution};
 use super::reference::{sphere_mass, static_overlap};
-use super::{Case, CaseSetup, Check, Experiment, Sample, Tolerance};
+use super::{Case, CaseSetup, Check, Experiment, NotRun, Sample, Tolerance};
 use crate::dem::law::LawSettings;
 use crate::math::{Vec3, vec3};
 use crate::particle::ParticleState;
@@ -44,7 +44,7 @@ fn roll(
     slope: f64,
     speed: f64,
     duration: f64,
-) -> Result<Vec<Sample>, String> {
+) -> Result<Vec<Sample>, NotRun> {
     let table = one_material(DENSITY, YOUNGS_MODULUS, POISSONS_RATIO, restitution(0.3), friction);
     let mut setup = CaseSetup::new(table, LawSettings { tangential_damping: true, ..HERTZ }, 20.0);
     setup.gravity = GRAVITY * vec3(slope.sin(), 0.0, -slope.cos());
@@ -63,7 +63,7 @@ pub(super) fn slope_between(samples: &[Sample], from: f64, to: f64, value: impl 
     (value(&last.particles[0]) - value(&first.particles[0])) / (last.time - first.time)
 }
 
-fn rolling(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn rolling(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     for degrees in [5.0, 20.0, 40.0_f64] {
         let slope = degrees.to_radians();
@@ -85,7 +85,7 @@ fn rolling(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
     Ok(checks)
 }
 
-fn sliding(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn sliding(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     // rolls without slip where tan theta <= 7/2 mu: here 0.7
     for (degrees, friction) in [(40.0_f64, 0.2), (60.0, 0.2), (60.0, 0.0)] {
@@ -112,7 +112,7 @@ fn sliding(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
     Ok(checks)
 }
 
-fn slip_to_roll(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn slip_to_roll(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     for (speed, friction) in [(1.0, 0.3), (0.2, 0.1)] {
         let slip_time = 2.0 * speed / (7.0 * friction * GRAVITY);

@@ -1,6 +1,6 @@
 //! The native solver as an [`Experiment`].
 
-use super::{CaseSetup, EnergySample, Experiment, Sample};
+use super::{CaseSetup, EnergySample, Experiment, NotRun, Sample};
 use crate::dem::simulation::{Setup, Simulation};
 
 /// Runs cases on the native solver, one thread.
@@ -8,7 +8,7 @@ use crate::dem::simulation::{Setup, Simulation};
 pub struct Native;
 
 impl Experiment for Native {
-    fn run(&mut self, setup: &CaseSetup) -> Result<Vec<Sample>, String> {
+    fn run(&mut self, setup: &CaseSetup) -> Result<Vec<Sample>, NotRun> {
         let largest = setup.particles.iter().map(|p| p.radius).fold(0.0, f64::max);
         let mut simulation = Simulation::new(Setup {
             body: setup.body,

@@ -3,7 +3,7 @@
 use super::experiment::{HERTZ, LINEAR, one_material, restitution};
 use super::impact_measure::{MeasuredImpact, measure_impact, worst};
 use super::reference::{self, HertzContact, hertz_impact, sphere_mass};
-use super::{Case, CaseSetup, Check, Experiment, Sample, Tolerance, published};
+use super::{Case, CaseSetup, Check, Experiment, NotRun, Sample, Tolerance, published};
 use crate::dem::law::LawSettings;
 use crate::math::{Vec3, vec3};
 
@@ -69,7 +69,7 @@ impl HeadOn {
         law: LawSettings,
         e: f64,
         [timestep, contact_time, phase]: [f64; 3],
-    ) -> Result<MeasuredImpact, String> {
+    ) -> Result<MeasuredImpact, NotRun> {
         let table = one_material(self.density, self.youngs_modulus, self.poissons_ratio, restitution(e), 0.35);
         let mut setup = CaseSetup::new(table, law, 10.0 * self.radius);
         let gap = self.approach() * timestep * (3.0 + phase);
@@ -106,7 +106,7 @@ impl HeadOn {
     }
 }
 
-fn two_spheres(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn two_spheres(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let sphere = |youngs_modulus, poissons_ratio, density| HeadOn {
         radius: 0.01,
         density,
@@ -120,7 +120,7 @@ fn two_spheres(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
     Ok(checks)
 }
 
-fn sphere_on_plane(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn sphere_on_plane(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let sphere = |youngs_modulus, poissons_ratio, density| HeadOn {
         radius: 0.1,
         density,
@@ -134,7 +134,7 @@ fn sphere_on_plane(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String
     Ok(checks)
 }
 
-fn elastic(experiment: &mut dyn Experiment, material: &str, body: &HeadOn) -> Result<Vec<Check>, String> {
+fn elastic(experiment: &mut dyn Experiment, material: &str, body: &HeadOn) -> Result<Vec<Check>, NotRun> {
     let contact = body.contact();
     let exact = hertz_impact(&contact, body.approach());
     let timestep = exact.duration / 50.0;
@@ -181,13 +181,13 @@ const TEST_3: [(&str, HeadOn); 2] = [
     ),
 ];
 
-fn restitutions(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn restitutions(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let mut checks = Vec::new();
     for (material, body) in TEST_3 {
         checks.extend(elastic(experiment, material, &body)?);
         let contact_time = hertz_impact(&body.contact(), body.approach()).duration;
         for e in [0.2, 0.4, 0.6, 0.8] {
-            let mut realised = |steps: f64| -> Result<Vec<f64>, String> {
+            let mut realised = |steps: f64| -> Result<Vec<f64>, NotRun> {
                 let timestep = contact_time / steps;
                 let measured = phases(|phase| body.run(experiment, HERTZ, e, [timestep, contact_time, phase]))?;
                 Ok(measured.iter().map(|m| m.restitution).collect())
@@ -226,7 +226,7 @@ fn slope(what: &str, errors: [f64; 2]) -> Check {
     }
 }
 
-fn cut_off(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
+fn cut_off(experiment: &mut dyn Experiment) -> Result<Vec<Check>, NotRun> {
     let body = TEST_3[0].1;
     let contact_time = hertz_impact(&body.contact(), body.approach()).duration;
     let mut checks = Vec::new();
@@ -251,6 +251,6 @@ fn cut_off(experiment: &mut dyn Experiment) -> Result<Vec<Check>, String> {
     Ok(checks)
 }
 
-fn phases(mut run: impl FnMut(f64) -> Result<MeasuredImpact, String>) -> Result<Vec<MeasuredImpact>, String> {
+fn phases(mut run: impl FnMut(f64) -> Result<MeasuredImpact, NotRun>) -> Result<Vec<MeasuredImpact>, NotRun> {
     (0..PHASES).map(|k| run(f64::from(k) / f64::from(PHASES))).collect()
 }

@@ -1,6 +1,6 @@
 //! The table a user reads: reference, measured, tolerance, source.
 
-use super::{CaseResult, Check, Tolerance};
+use super::{CaseResult, Check, NotRun, Tolerance, Verdict};
 use std::fmt::Write as _;
 
 /// Renders results as text; every line that is out of tolerance starts with `FAIL`.
@@ -14,8 +14,11 @@ pub fn table(results: &[CaseResult]) -> String {
             result.case.name, result.case.title, result.case.source, result.wall_time
         );
         match &result.checks {
-            Ok(checks) => text.push_str(&rows(checks)),
-            Err(reason) => {
+            Ok(checks) => text.push_str(&rows(result, checks)),
+            Err(NotRun::NotPossible(reason)) => {
+                let _ = writeln!(text, "  --    not possible: {reason}");
+            }
+            Err(NotRun::Failed(reason)) => {
                 let _ = writeln!(text, "  FAIL  not run: {reason}");
             }
         }
@@ -23,21 +26,39 @@ pub fn table(results: &[CaseResult]) -> String {
     }
     let failed = results.iter().filter(|result| !result.passed()).count();
     let checks: usize = results.iter().filter_map(|result| result.checks.as_ref().ok()).map(Vec::len).sum();
-    let _ = writeln!(text, "{} cases, {checks} checks, {failed} cases out of tolerance", results.len());
+    let impossible = results.iter().filter(|r| matches!(r.checks, Err(NotRun::NotPossible(_)))).count();
+    let differing: usize = results.iter().map(differences).sum();
+    let _ = write!(text, "{} cases, {checks} checks, {failed} cases out of tolerance", results.len());
+    if differing > 0 {
+        let _ = write!(text, "; {differing} checks differ by a known convention");
+    }
+    if impossible > 0 {
+        let _ = write!(text, "; {impossible} cases not possible");
+    }
+    text.push('\n');
     text
 }
 
-fn rows(checks: &[Check]) -> String {
+fn differences(result: &CaseResult) -> usize {
+    let differs = |check: &&Check| matches!(result.verdict(check), Verdict::Differs(_));
+    result.checks.as_ref().map_or(0, |checks| checks.iter().filter(differs).count())
+}
+
+fn rows(result: &CaseResult, checks: &[Check]) -> String {
     let width = checks.iter().map(|check| check.quantity.chars().count()).max().unwrap_or(0).max(8);
     let mut text = format!(
         "        {:width$} {:>13} {:>13} {:>10}  {:24} source\n",
         "quantity", "reference", "measured", "difference", "tolerance"
     );
     for check in checks {
-        let verdict = if check.passed() { "ok" } else { "FAIL" };
+        let (verdict, note) = match result.verdict(check) {
+            Verdict::Passed => ("ok", String::new()),
+            Verdict::Differs(known) => ("diff", format!("; differs by: {}", known.convention)),
+            Verdict::Failed => ("FAIL", String::new()),
+        };
         let _ = writeln!(
             text,
-            "  {verdict:4}  {:width$} {:>13} {:>13} {:>10.1e}  {:24} {} [{}]; {}",
+            "  {verdict:4}  {:width$} {:>13} {:>13} {:>10.1e}  {:24} {} [{}]; {}{note}",
             check.quantity,
             number(check.reference),
             number(check.measured),
@@ -81,8 +102,8 @@ mod tests {
             unit: "m",
             source: "Hertz 1882",
         };
-        let ran = CaseResult { case, checks: Ok(vec![check(1.0005), check(1.5)]), wall_time: 0.1 };
-        let failed = CaseResult { case, checks: Err("no such law".into()), wall_time: 0.1 };
+        let ran = CaseResult { case, checks: Ok(vec![check(1.0005), check(1.5)]), departures: &[], wall_time: 0.1 };
+        let failed = CaseResult { case, checks: Err("no such law".into()), departures: &[], wall_time: 0.1 };
         let text = table(&[ran, failed]);
         assert_eq!(text.matches("FAIL").count(), 2, "{text}");
         assert!(text.contains("  ok    height") && text.contains("not run: no such law"), "{text}");

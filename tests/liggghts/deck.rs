@@ -76,7 +76,10 @@ fn run(case: &Path) -> String {
     let known = "The contact model you specified is not located in any whitelist.";
     let mut lines = said.lines();
     while let Some(line) = lines.next() {
-        assert!(!line.starts_with("WARNING") || lines.next().is_some_and(|next| next.trim() == known), "{line}\n{said}");
+        assert!(
+            !line.starts_with("WARNING") || lines.next().is_some_and(|next| next.trim() == known),
+            "{line}\n{said}"
+        );
     }
     said
 }
@@ -84,8 +87,7 @@ fn run(case: &Path) -> String {
 /// A block of spheres at rest: `count` along each axis from `corner` on [m], `pitch` [m] apart.
 fn lattice(count: [u32; 3], corner: Vec3, pitch: f64, diameter: f64, velocity: Vec3) -> Vec<Particle> {
     let mut particles = Vec::new();
-    for (i, j, k) in
-        (0..count[2]).flat_map(|k| (0..count[1]).flat_map(move |j| (0..count[0]).map(move |i| (i, j, k))))
+    for (i, j, k) in (0..count[2]).flat_map(|k| (0..count[1]).flat_map(move |j| (0..count[0]).map(move |i| (i, j, k))))
     {
         let place = corner + vec3(f64::from(i), f64::from(j), f64::from(k)) * pitch;
         particles.push((particles.len() as u32 + 1, 0, diameter, 3300.0, place, velocity));
@@ -105,7 +107,12 @@ fn the_hopper_opens_once_at_rest_and_hands_over_what_passes() {
     let folder = TempDir::new().unwrap();
     let case = folder.path();
     deck::write(&order, case).unwrap();
-    enter(case, &order.schedule, groups::ACTIVE, &lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros()));
+    enter(
+        case,
+        &order.schedule,
+        groups::ACTIVE,
+        &lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros()),
+    );
     let said = run(case);
     assert!(said.contains("tollgate event plate 0"), "{said}");
     assert!(said.contains("tollgate end time 9000"), "{said}");

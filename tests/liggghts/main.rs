@@ -1,4 +1,7 @@
-//! LIGGGHTS itself: what is written for it is run by the binary, and what it writes is read. One target, so that it is linked once.
+//! LIGGGHTS as a backend, on the real program: these tests need it and fail where it is missing (`./run-tests` installs it).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod deck;
+mod doctor;
+mod faults;
+mod launching;

@@ -25,7 +25,7 @@ pub fn particle_zone(scene: &Scene, schedule: &Schedule) -> Bounds {
 pub fn bounds(scene: &Scene, schedule: &Schedule) -> Bounds {
     let end = schedule.time(schedule.steps);
     let mut meshes = Bounds::EMPTY;
-    for wall in walls(scene, schedule) {
+    for wall in walls(scene, schedule, false) {
         let reach = wall.reach(end);
         meshes = meshes.union(&reach);
         if let (Some(way), false) = (wall.parking, reach.is_empty()) {

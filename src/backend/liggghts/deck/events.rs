@@ -88,7 +88,9 @@ impl Events<'_> {
             Trigger::Always | Trigger::Never => return Ok(String::new()),
             Trigger::At { time } => {
                 let step = self.schedule.batch_at(time);
-                let due = format!("variable due equal {waits}*(step>={step})\nif \"${{due}} == 0\" then \"jump SELF {label}\"");
+                let due = format!(
+                    "variable due equal {waits}*(step>={step})\nif \"${{due}} == 0\" then \"jump SELF {label}\""
+                );
                 (format!("at {} s", deck_number(time)), due)
             }
             Trigger::AtRest(rest) => {

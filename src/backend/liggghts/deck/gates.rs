@@ -184,9 +184,11 @@ impl GateText<'_> {
         } else {
             format!("2 near_{id}_from near_{id}_to")
         };
-        let aperture = aperture.map_or_else(String::new, |region| format!("region near_{id}_opening {region} units box"));
+        let aperture =
+            aperture.map_or_else(String::new, |region| format!("region near_{id}_opening {region} units box"));
         let crossing = if self.finds_crossings {
-            templates.fill("gate_crossing.in", &[("id", id), ("behind", &self.behind())])? + &self.removal_regions(templates)?
+            templates.fill("gate_crossing.in", &[("id", id), ("behind", &self.behind())])?
+                + &self.removal_regions(templates)?
         } else {
             String::new()
         };
@@ -234,7 +236,9 @@ impl GateText<'_> {
             return Ok(String::new());
         }
         let mode = match self.gate.exclusion.mode {
-            ExclusionMode::Constant => "Who has passed goes on as a ghost at constant velocity and spin, until it is taken out.",
+            ExclusionMode::Constant => {
+                "Who has passed goes on as a ghost at constant velocity and spin, until it is taken out."
+            }
             ExclusionMode::Ballistic => "Who has passed goes on as a ghost in free fall, until it is taken out.",
             ExclusionMode::Buffer => "Who has passed goes on as an ordinary particle, until it is taken out.",
         };

@@ -13,6 +13,7 @@ mod sections;
 pub mod template;
 mod walls;
 
+pub use super::replay::Ghosts;
 pub use bounds::bounds;
 pub use output::SERIES;
 pub use refusals::refusals;
@@ -29,25 +30,6 @@ use crate::stage::split::Recording;
 use crate::storage::{StorageError, staging::write_whole};
 use names::file_name;
 use std::path::Path;
-
-/// Kinds of ghosts in a case.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Ghosts {
-    /// At constant velocity.
-    pub constant: bool,
-    /// In free fall.
-    pub ballistic: bool,
-    /// On recorded paths.
-    pub recorded: bool,
-}
-
-impl Ghosts {
-    /// True where there is any.
-    #[must_use]
-    pub const fn any(self) -> bool {
-        self.constant || self.ballistic || self.recorded
-    }
-}
 
 /// What a deck is made of.
 #[derive(Debug, Clone, Copy)]
@@ -110,7 +92,7 @@ pub fn write(order: &DeckOrder<'_>, case: &Path) -> Result<(), BackendError> {
         let path = case.join(folder);
         std::fs::create_dir_all(&path).map_err(|source| StorageError::system("create", &path, source))?;
     }
-    for wall in parts::walls(order.scene, &order.schedule) {
+    for wall in parts::walls(order.scene, &order.schedule, !order.records_contacts()) {
         if let Some(mesh) = wall.mesh() {
             let path = case.join(files::MESHES).join(wall.file());
             let mut bytes = Vec::new();

@@ -24,9 +24,9 @@ pub fn output(scene: &Scene, walls: &[Wall<'_>], schedule: &Schedule, templates:
         _ => None,
     });
     for ((measure, point, normal), number) in planes.zip(1..) {
-        let terms = (0..3).filter(|k| normal[*k] != 0.0).map(|k| {
-            format!("({}-({}))*({})", ["x", "y", "z"][k], deck_number(point[k]), deck_number(normal[k]))
-        });
+        let terms = (0..3)
+            .filter(|k| normal[*k] != 0.0)
+            .map(|k| format!("({}-({}))*({})", ["x", "y", "z"][k], deck_number(point[k]), deck_number(normal[k])));
         let distance = terms.collect::<Vec<_>>().join("+");
         computes.push(format!("# mass [kg] beyond the plane through ({}) m", vector(point)));
         computes.push(format!("variable beyond_{number} atom mass*({distance}>=0)"));

@@ -104,13 +104,14 @@ fn parking(scene: &Scene, schedule: &Schedule, reach: &Bounds) -> Option<Vec3> {
     ways.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(way, _)| way)
 }
 
-/// All parts of a scene that may touch a particle in a run.
+/// All parts of a scene. Planes across an axis that stand still are `endless`, or meshes as well: LIGGGHTS says nothing of contacts
+/// with endless walls.
 #[must_use]
-pub fn walls<'a>(scene: &'a Scene, schedule: &Schedule) -> Vec<Wall<'a>> {
+pub fn walls<'a>(scene: &'a Scene, schedule: &Schedule, endless: bool) -> Vec<Wall<'a>> {
     let ids = identifiers(scene.parts.iter().map(|part| part.name.as_str()));
     let end = schedule.time(schedule.steps);
     let wall = |(part, id): (&'a Part, String)| {
-        let shape = shape(scene, part, end);
+        let shape = shape(scene, part, end, endless);
         let (moves, belt) = (moves(&part.motion, schedule), belt(&part.motion));
         let mut wall = Wall { part, id, shape, moves, belt, parking: None };
         if wall.comes_or_goes() {
@@ -121,14 +122,16 @@ pub fn walls<'a>(scene: &'a Scene, schedule: &Schedule) -> Vec<Wall<'a>> {
     scene.parts.iter().zip(ids).map(wall).collect()
 }
 
-fn shape(scene: &Scene, part: &Part, end: f64) -> Shape {
+fn shape(scene: &Scene, part: &Part, end: f64, endless: bool) -> Shape {
     match &part.surface {
         Surface::Mesh(mesh) => Shape::Mesh(mesh.clone()),
         Surface::Frustum { start, end, start_radius, end_radius } => {
             Shape::Mesh(Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS))
         }
         Surface::Plane { point, normal } => match across(normal) {
-            Some(axis) if part.motion.terms.is_empty() && !comes_or_goes(part) => Shape::Across { axis, place: point[axis] },
+            Some(axis) if endless && part.motion.terms.is_empty() && !comes_or_goes(part) => {
+                Shape::Across { axis, place: point[axis] }
+            }
             _ => Shape::Mesh(rectangle(scene, point, normal, &part.motion, end)),
         },
     }

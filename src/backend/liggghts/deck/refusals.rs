@@ -52,7 +52,9 @@ fn plane_refusal(scene: &Scene, part: &Part) -> Option<String> {
     }
     let crosses = (0..3).any(|axis| scene.domain.periodic[axis] && normal[axis].abs() > 1e-9);
     (crosses && across(normal).is_none()).then(|| {
-        format!("part `{name}`: a plane that is not along the periodic axes ends at their borders; give it another normal")
+        format!(
+            "part `{name}`: a plane that is not along the periodic axes ends at their borders; give it another normal"
+        )
     })
 }
 

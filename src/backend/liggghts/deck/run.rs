@@ -29,7 +29,9 @@ pub fn gates_section(
     }
     let mut helpers = Vec::new();
     if !gates.is_empty() {
-        helpers.push("group behind subtract all all            # who is behind a gate plane, one gate at a time".to_owned());
+        helpers.push(
+            "group behind subtract all all            # who is behind a gate plane, one gate at a time".to_owned(),
+        );
         helpers.push("group crossing subtract all all          # who has passed it since the last sample".to_owned());
     }
     let contacts = if order.records_contacts() { contact_computes(order, gates, walls) } else { String::new() };
@@ -49,7 +51,8 @@ fn contact_computes(order: &DeckOrder<'_>, gates: &[GateText<'_>], walls: &WallT
     let diameter = order.scene.largest_diameter();
     let touch = if order.settings.ranks > 1 {
         let travel = super::bounds::speed_limit(order.scene) * order.schedule.time(order.schedule.cadence.look);
-        let slabs = gates.iter().map(|gate| format!("({})", touch_slab(&gate.distance(), diameter, order.skin, travel)));
+        let slabs =
+            gates.iter().map(|gate| format!("({})", touch_slab(&gate.distance(), diameter, order.skin, travel)));
         format!("({})>0", slabs.collect::<Vec<_>>().join("+"))
     } else {
         touch_box(FRESH, diameter, order.scene.domain.periodic.map(|periodic| !periodic))

@@ -19,7 +19,7 @@ pub fn render(order: &DeckOrder<'_>) -> Result<String, String> {
     let scene = order.scene;
     let templates = Templates::new(order.settings.templates.as_deref());
     let models = parameters::models(&scene.law, &scene.materials).map_err(|faults| faults.join("\n"))?;
-    let walls: Vec<Wall<'_>> = walls(scene, &order.schedule);
+    let walls: Vec<Wall<'_>> = walls(scene, &order.schedule, !order.records_contacts());
     let wall_text = WallText { walls: &walls, models: &models, contacts: order.records_contacts() };
     let gates: Vec<GateText<'_>> = gates(scene, order.records, &order.schedule, order.settings.contacts);
     let own = |place: DeckPlace| -> String {
@@ -73,8 +73,7 @@ fn head(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, String> 
 
 fn system(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, String> {
     let boundary = order.scene.domain.periodic.map(|periodic| if periodic { "p" } else { "f" }).join(" ");
-    let processors =
-        order.settings.processors.map_or_else(String::new, |[x, y, z]| format!("processors {x} {y} {z}"));
+    let processors = order.settings.processors.map_or_else(String::new, |[x, y, z]| format!("processors {x} {y} {z}"));
     templates.fill(
         "system.in",
         &[
@@ -117,12 +116,7 @@ fn feeds(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, String>
     let (batch, particles) = (order.schedule.cadence.hand_over.to_string(), order.particles_to_come.to_string());
     templates.fill(
         "feeds.in",
-        &[
-            ("particles", &particles),
-            ("last", &order.last_entry.to_string()),
-            ("batch", &batch),
-            ("ghosts", &text),
-        ],
+        &[("particles", &particles), ("last", &order.last_entry.to_string()), ("batch", &batch), ("ghosts", &text)],
     )
 }
 
@@ -137,7 +131,8 @@ fn integration(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, S
     if kinds.ballistic {
         let group = groups::BALLISTIC;
         text += &format!("fix move_{group} {group} nve\n");
-        text += &format!("fix free_{group} {group} setforce 0 0 0 # before gravity, which is all that is left to them\n");
+        text +=
+            &format!("fix free_{group} {group} setforce 0 0 0 # before gravity, which is all that is left to them\n");
     }
     let gravity = order.scene.gravity;
     let size = gravity.norm();

@@ -99,9 +99,9 @@ fn fill(text: &str, file: &str, values: &[(&str, &str)]) -> Result<String, Strin
     }
     let missing = values.iter().zip(&used).find(|((_, value), used)| !**used && !value.is_empty());
     match missing {
-        Some(((name, _), _)) => {
-            Err(format!("{file}: {{{{{name}}}}} is missing, without which the deck is another one: put it where it belongs"))
-        }
+        Some(((name, _), _)) => Err(format!(
+            "{file}: {{{{{name}}}}} is missing, without which the deck is another one: put it where it belongs"
+        )),
         None => Ok(filled),
     }
 }
