@@ -326,16 +326,16 @@ fn recorded_particles_go_on_as_the_gate_says_until_they_are_taken_out() {
         let plant = inline(-9.81, &(floor.to_owned() + &gate));
         let job = job(&plant, "up");
         let settings = LiggghtsSettings::default();
-        let order = DeckOrder { ghosts: Ghosts::default(), ..order(&job, 1e-5, 6000, &settings) };
+        let order = DeckOrder { ghosts: Ghosts::default(), ..order(&job, 1e-5, 4500, &settings) };
         let folder = TempDir::new().unwrap();
         deck::write(&order, folder.path()).unwrap();
-        let beads = lattice([5, 5, 1], vec3(-0.010, -0.010, 0.011), 0.005, 0.004, vec3(0.0, 0.0, -0.3));
+        let beads = lattice([5, 5, 1], vec3(-0.010, -0.010, 0.011), 0.005, 0.004, vec3(0.0, 0.0, -0.6));
         enter(folder.path(), &order.schedule, groups::ACTIVE, &beads);
         let said = run(folder.path());
         let removed = rows_of(&folder.path().join("removed/the-gate.dump"));
         assert_eq!(removed.len(), through, "{mode} {plane}\n{said}");
         for row in removed {
-            let fallen = row[9] + 0.3;
+            let fallen = row[9] + 0.6;
             // Constant: frozen at a sample, a whole number of 20 steps of free fall; else that of a batch.
             let every = if mode == "constant" { 20.0 } else { 100.0 };
             let samples = fallen / (-9.81 * 1e-5 * every);
