@@ -326,10 +326,10 @@ fn recorded_particles_go_on_as_the_gate_says_until_they_are_taken_out() {
         let plant = inline(-9.81, &(floor.to_owned() + &gate));
         let job = job(&plant, "up");
         let settings = LiggghtsSettings::default();
-        let order = DeckOrder { ghosts: Ghosts::default(), ..order(&job, 1e-5, 4500, &settings) };
+        let order = DeckOrder { ghosts: Ghosts::default(), ..order(&job, 1e-5, 5000, &settings) };
         let folder = TempDir::new().unwrap();
         deck::write(&order, folder.path()).unwrap();
-        let beads = lattice([5, 5, 1], vec3(-0.010, -0.010, 0.011), 0.005, 0.004, vec3(0.0, 0.0, -0.6));
+        let beads = lattice([5, 5, 1], vec3(-0.010, -0.010, 0.015), 0.005, 0.004, vec3(0.0, 0.0, -0.6));
         enter(folder.path(), &order.schedule, groups::ACTIVE, &beads);
         let said = run(folder.path());
         let removed = rows_of(&folder.path().join("removed/the-gate.dump"));
