@@ -344,3 +344,66 @@ fn recorded_particles_go_on_as_the_gate_says_until_they_are_taken_out() {
         }
     }
 }
+
+/// The commands of a deck: no comments, continued lines joined, single blanks.
+fn commands(deck: &str) -> Vec<Vec<String>> {
+    let joined = deck.replace("&\n", " ");
+    let bare = joined.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let words = bare.map(|line| line.split_ascii_whitespace().map(str::to_owned).collect::<Vec<_>>());
+    words.filter(|words| !words.is_empty()).collect()
+}
+
+/// The same words, and the same numbers to round-off.
+fn same(a: &[String], b: &[String]) -> bool {
+    let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * a.abs().max(b.abs());
+    let word = |a: &String, b: &String| {
+        a == b || matches!((a.parse::<f64>(), b.parse::<f64>()), (Ok(a), Ok(b)) if close(a, b))
+    };
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| word(a, b))
+}
+
+/// What a run leaves of its last state: the bytes of the last frame.
+fn last_frame(case: &Path, step: u64) -> Vec<u8> {
+    fs::read(case.join(format!("frames/{step}.bin"))).unwrap()
+}
+
+#[test]
+fn decks_are_those_of_the_reference_and_run_alike() {
+    let plant = scene("tests/scenes/hopper", &[]);
+    let settings = LiggghtsSettings::default();
+    let falling = vec3(0.0, 0.0, -0.5);
+    let stages = [
+        ("hopper", groups::ACTIVE, lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros())),
+        ("chute", groups::RECORDED, lattice([5, 5, 8], vec3(-0.009, -0.009, 0.1903), 0.0045, 0.004, falling)),
+    ];
+    for (stage, group, particles) in stages {
+        let job = job(&plant, stage);
+        let order = order(&job, 1e-5, 1000, &settings);
+        let reference = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("liggghts_inputs/{stage}_stage.in"));
+        let reference = fs::read_to_string(reference).unwrap();
+        let mut states = Vec::new();
+        for from_reference in [false, true] {
+            let folder = TempDir::new().unwrap();
+            deck::write(&order, folder.path()).unwrap();
+            enter(folder.path(), &order.schedule, group, &particles);
+            paths(folder.path(), &order.schedule, &particles, 0.19);
+            let deck = folder.path().join("in.liggghts");
+            if from_reference {
+                fs::write(&deck, &reference).unwrap();
+            } else {
+                let rendered = fs::read_to_string(&deck).unwrap();
+                fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{stage}_stage.in")), &rendered).unwrap();
+                let (mut ours, theirs) = (commands(&rendered), commands(&reference));
+                for line in theirs {
+                    let found = ours.iter().position(|own| same(own, &line));
+                    ours.remove(found.unwrap_or_else(|| panic!("{stage}: not rendered: {}", line.join(" "))));
+                }
+                let beyond = ours.iter().map(|words| words.join(" ")).collect::<Vec<_>>().join("\n");
+                assert!(beyond.is_empty(), "{stage}: rendered beyond the reference:\n{beyond}");
+            }
+            run(folder.path());
+            states.push(last_frame(folder.path(), 1000));
+        }
+        assert!(states[0].len() > 200 * 19 * 8 && states[0] == states[1], "{stage}: the last states differ");
+    }
+}
