@@ -286,6 +286,11 @@ fn what_passes_is_recorded_with_its_bits_its_path_and_its_contacts() {
     let touching = crossings.iter().filter(|crossing| !crossing.contacts.is_empty()).count();
     assert!(touching > 20, "only {touching} were in contact");
     assert!(tally.in_contact >= touching as u64);
+    let partners = crossings.iter().flat_map(|crossing| &crossing.contacts).map(|contact| contact.partner);
+    let parts: Vec<ContactPartner> = partners.filter(|partner| matches!(partner, ContactPartner::Part { .. })).collect();
+    // Part 1 is the floor, of eight triangles; nobody touches the walls there.
+    let floor = |partner: &ContactPartner| matches!(partner, ContactPartner::Part { part: 1, element: 0..8 });
+    assert!(!parts.is_empty() && parts.iter().all(floor), "{parts:?}");
     check_paths(&case, &crossings);
     check_sums(&crossings);
 }
