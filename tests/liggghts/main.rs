@@ -5,3 +5,4 @@ mod deck;
 mod doctor;
 mod faults;
 mod launching;
+mod recording;
