@@ -1,0 +1,4 @@
+//! LIGGGHTS as a backend, on the real program: these tests need it and fail where it is missing (`./run-tests` installs it).
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod replay;
