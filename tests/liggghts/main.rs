@@ -6,3 +6,4 @@ mod doctor;
 mod faults;
 mod launching;
 mod recording;
+mod replay;
