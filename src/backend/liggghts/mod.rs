@@ -4,8 +4,11 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+mod capability;
 pub mod parameters;
 pub mod tags;
+
+pub use capability::verdict;
 
 use crate::gate::Cadence;
 
