@@ -4,6 +4,7 @@
 //! summary. A stage whose result is there under the same key is not computed again.
 
 pub mod comparison;
+pub mod deck;
 mod folder;
 pub mod gate_records;
 pub mod gates;
@@ -136,7 +137,6 @@ pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, 
 /// One run into the folder `out`; `draw` picks the particle that is kicked.
 fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
     let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
-    let plan = accepted_plan(&scene, request.force)?;
     // A scene that only replays stored streams has stages and no gate.
     let is_cut = !(scene.gates.is_empty() && scene.stages.is_empty());
     let jobs = match (is_cut, request.whole) {
@@ -144,7 +144,8 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
         (true, true) => whole_jobs(&scene),
         (true, false) => stage_jobs(&scene),
     };
-    let chosen = chosen(&jobs, request)?;
+    let chosen = chosen(&jobs, &request.stages, request.whole)?;
+    let plan = accepted_plan(&scene, &jobs, request.force)?;
     let order = StageOrder {
         request,
         plan: &plan,
@@ -234,25 +235,26 @@ fn stage_folder(run: &Path, stage: &str) -> PathBuf {
 }
 
 /// The stages to be run, upstream first.
-fn chosen(jobs: &[StageJob], request: &RunRequest) -> Result<Vec<usize>, RunError> {
-    if request.stages.is_empty() {
+fn chosen(jobs: &[StageJob], stages: &[String], whole: bool) -> Result<Vec<usize>, RunError> {
+    if stages.is_empty() {
         return Ok((0..jobs.len()).collect());
     }
     let known: Vec<&str> = jobs.iter().map(|job| job.name.as_str()).collect();
-    if let Some(unknown) = request.stages.iter().find(|name| !known.contains(&name.as_str())) {
-        let whole = if request.whole { " (with --whole, a stage is one that no other follows)" } else { "" };
+    if let Some(unknown) = stages.iter().find(|name| !known.contains(&name.as_str())) {
+        let whole = if whole { " (with --whole, a stage is one that no other follows)" } else { "" };
         return Err(RunError::Request(format!(
             "there is no stage '{unknown}'{whole}; the stages are {}",
             known.join(", ")
         )));
     }
-    Ok((0..jobs.len()).filter(|&index| request.stages.contains(&jobs[index].name)).collect())
+    Ok((0..jobs.len()).filter(|&index| stages.contains(&jobs[index].name)).collect())
 }
 
-/// The plan of a scene, unless it refuses or no backend can.
-fn accepted_plan(scene: &Scene, force: bool) -> Result<Plan, RunError> {
+/// The plan of a scene, unless it refuses, or a backend that is to compute something cannot.
+fn accepted_plan(scene: &Scene, jobs: &[StageJob], force: bool) -> Result<Plan, RunError> {
     let plan = plan(scene, None);
-    if !plan.backends.iter().any(|backend| backend.can()) {
+    let asked = |name: &str| jobs.iter().any(|job| job.backend.text() == name);
+    if plan.backends.iter().any(|verdict| asked(&verdict.backend) && !verdict.can()) {
         return Err(RunError::NoBackend(Box::new(plan)));
     }
     if plan.is_refused() && !force {

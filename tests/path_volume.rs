@@ -1,8 +1,8 @@
 //! What recorded paths cost and what they are worth: size of the stream, error of the interpolation, and how far the split run of
 //! a small hopper departs from the whole one, for every k-th time step stored.
 //!
-//! Not part of the ordinary suite, because it measures, and takes a minute of processor time:
-//! `cargo test --release --test path_volume -- --ignored --nocapture`. Its tables are in docs/validation/gate-paths.md.
+//! Not part of the ordinary suite, because it measures, and takes a minute of processor time: `./validate` runs it and keeps what it
+//! prints as docs/validation/gate-paths.md.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::HashMap;
@@ -169,7 +169,7 @@ impl Whole {
 fn volume_and_error_of_recorded_paths() {
     let folder = tempfile::tempdir().unwrap();
     let whole = Whole::new(folder.path());
-    println!("plate opens at {:.4} s", whole.opening);
+    println!("The plate opens at {:.4} s.\n", whole.opening);
     let (mut volumes, mut departures) = (String::new(), String::new());
     for height in HEIGHTS {
         let plane = format!("gate.outlet.point_mm=[0,0,{height}]");
@@ -189,7 +189,7 @@ fn volume_and_error_of_recorded_paths() {
             if let Err(reason) = &outcome {
                 // Ghosts that are told wrong places are driven into others.
                 assert!(every > 1 && reason.contains("overlaps"), "{reason}");
-                println!("plane {height} mm, k = {every}: {}", reason.lines().next().unwrap_or_default());
+                println!("- plane {height} mm, k = {every}: {}", reason.lines().next().unwrap_or_default());
             }
             writeln!(
                 volumes,
@@ -218,8 +218,12 @@ fn volume_and_error_of_recorded_paths() {
         assert!(sizes[0] > 5 * sizes[1] && sizes[1] > sizes[2], "{sizes:?}");
         assert!(errors[2].1 > errors[1].1 && errors[1].1 > 0.0, "{errors:?}");
     }
+    println!("\n## Volume, and error of the interpolation\n");
     println!(
-        "| plane [mm] | k | crossings | motions | bytes | bytes a crossing | largest [m] | median [m] |\n{volumes}"
+        "| plane [mm] | k | crossings | motions | bytes | bytes a crossing | largest error [m] | median error [m] |"
     );
-    println!("| plane [mm] | k | after opening [ms] | particles | missing | largest [m] | median [m] |\n{departures}");
+    println!("|---|---|---|---|---|---|---|---|\n{volumes}");
+    println!("## Departure of the split run from the whole one\n");
+    println!("| plane [mm] | k | after the opening [ms] | particles | missing | largest [m] | median [m] |");
+    println!("|---|---|---|---|---|---|---|\n{departures}");
 }

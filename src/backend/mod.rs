@@ -1,7 +1,10 @@
 //! Who computes a stage.
 
+pub mod frames;
+pub mod incoming;
 pub mod liggghts;
 pub mod native;
+pub mod recording;
 pub mod stage;
 
 pub use native::{PartEvent, Removal, RemovalCause};

@@ -10,6 +10,7 @@ use crate::gate::stream::format::Manifest;
 use crate::output::progress::Verbosity;
 use crate::output::timing::{ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
+use crate::scene::backend::BackendName;
 use crate::scene::gate::{Gate, Replay};
 use crate::stage::split::Recording;
 use std::path::{Path, PathBuf};
@@ -47,9 +48,22 @@ pub struct Kick {
     pub draw: u64,
 }
 
+/// Who computed a stage.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// Which backend.
+    pub backend: BackendName,
+    /// Its version.
+    pub version: String,
+    /// Threads or ranks.
+    pub threads: u64,
+}
+
 /// What came out of a stage.
 #[derive(Debug)]
 pub struct StageResult {
+    /// Who computed it.
+    pub identity: Identity,
     /// Why it ended.
     pub end: EndReason,
     /// Plant time reached [s].
@@ -78,6 +92,8 @@ pub struct StageResult {
     pub own_steps: u64,
     /// Particles times steps of this process.
     pub particle_steps: f64,
+    /// What the user should hear of beside the figures.
+    pub warnings: Vec<String>,
     /// Wall time by phase.
     pub timing: Timing,
     /// Processor time and memory of this process.

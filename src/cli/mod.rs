@@ -2,6 +2,8 @@
 
 mod check;
 mod compare;
+mod deck;
+mod doctor;
 mod init;
 mod plan;
 mod run;
@@ -33,8 +35,12 @@ enum Verb {
     Plan(plan::Arguments),
     /// Run a scene
     Run(run::Arguments),
+    /// Render the decks of an external code, without running them
+    Deck(deck::Arguments),
     /// Compare two sets of runs: differences with 95 % intervals, and a verdict
     Compare(compare::Arguments),
+    /// Say what is installed, what it can do, and what to install
+    Doctor(doctor::Arguments),
     /// Show, check, export, import or move what was recorded at a gate
     Stream(stream::Arguments),
     /// Verify the solver against closed forms and published benchmarks
@@ -55,6 +61,12 @@ struct SceneArguments {
     /// Force a model on or off; may be repeated
     #[arg(long = "model", value_name = "NAME=on|off", value_parser = model_and_state)]
     models: Vec<(String, bool)>,
+    /// Who computes stages that do not say it themselves: native or liggghts; STAGE=NAME for one stage; may be repeated
+    #[arg(long = "backend", value_name = "[STAGE=]NAME")]
+    backends: Vec<String>,
+    /// MPI ranks of LIGGGHTS
+    #[arg(long = "np", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    ranks: Option<u32>,
 }
 
 fn key_and_value(text: &str) -> Result<(String, String), String> {
@@ -83,6 +95,11 @@ impl SceneArguments {
     fn all_settings(&self) -> Vec<(String, String)> {
         let mut settings = self.settings.clone();
         settings.extend(self.seed.map(|seed| ("seed".to_owned(), seed.to_string())));
+        settings.extend(self.backends.iter().map(|choice| match choice.split_once('=') {
+            Some((stage, name)) => (format!("stage.{stage}.backend"), name.to_owned()),
+            None => ("backend".to_owned(), choice.clone()),
+        }));
+        settings.extend(self.ranks.map(|ranks| ("liggghts.ranks".to_owned(), ranks.to_string())));
         settings.extend(self.models.iter().map(|(name, on)| (format!("solver.models.{name}"), on.to_string())));
         settings
     }
@@ -122,7 +139,9 @@ pub fn main() -> ExitCode {
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Plan(arguments) => plan::run(&arguments),
         Verb::Run(arguments) => run::run(&arguments),
+        Verb::Deck(arguments) => deck::run(&arguments),
         Verb::Compare(arguments) => compare::run(&arguments),
+        Verb::Doctor(arguments) => doctor::run(&arguments),
         Verb::Stream(arguments) => stream::run(&arguments),
         Verb::Verify(arguments) => verify::run(&arguments),
     })

@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> u8 {
             report.summary.outcome.exit_code
         }
         Err(error) => {
-            print::message(&explain(arguments, &error));
+            print::message(&explain(&arguments.scene, &error));
             error.exit_code()
         }
     }
@@ -122,6 +122,8 @@ fn dry_run(arguments: &Arguments) -> u8 {
             settings: settings(arguments),
             seed: None,
             models: Vec::new(),
+            backends: Vec::new(),
+            ranks: None,
             ..arguments.scene.clone()
         },
         threads: arguments.threads,
@@ -208,9 +210,10 @@ fn lines(summary: &Summary) -> Vec<String> {
     lines
 }
 
-fn explain(arguments: &Arguments, error: &RunError) -> String {
+/// An error in words, with the lines of the scene that it speaks of.
+pub fn explain(scene: &SceneArguments, error: &RunError) -> String {
     match error {
-        RunError::Scene(findings) => arguments.scene.rendered(findings),
+        RunError::Scene(findings) => scene.rendered(findings),
         RunError::Refused(plan) => {
             format!("{}\nthe plan refuses this run; change the scene as it says, or --force it", plan.to_text())
         }

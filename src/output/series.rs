@@ -8,6 +8,12 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// Column of the mass beyond a measure's plane.
+#[must_use]
+pub fn mass_column(measure: &str) -> String {
+    format!("{measure}.mass_beyond_kg")
+}
+
 /// State of the particles and loads on the parts at one time.
 #[derive(Debug, Clone, Default)]
 pub struct SeriesRow {
@@ -19,8 +25,8 @@ pub struct SeriesRow {
     pub particles: u64,
     /// Their mass [kg].
     pub mass: f64,
-    /// Contacts between particles and with parts.
-    pub contacts: u64,
+    /// Contacts between particles and with parts; `None` where the backend does not tell.
+    pub contacts: Option<u64>,
     /// Kinetic energy of the centres [J].
     pub kinetic_energy: f64,
     /// Kinetic energy of the own rotation [J].
@@ -29,8 +35,8 @@ pub struct SeriesRow {
     pub rms_speed: f64,
     /// Largest speed of a centre [m/s].
     pub maximum_speed: f64,
-    /// Largest overlap as a share of the smaller radius [-].
-    pub maximum_overlap: f64,
+    /// Largest overlap as a share of the smaller radius [-]; `None` where the backend does not tell.
+    pub maximum_overlap: Option<f64>,
     /// Particles inserted so far.
     pub inserted: u64,
     /// Particles removed so far, by any cause.
@@ -92,7 +98,9 @@ impl SeriesRow {
         let mut whole = |name: &str, value| cells.push((name.to_owned(), Cell::Whole(value)));
         whole("step", self.step);
         whole("particles", self.particles);
-        whole("contacts", self.contacts);
+        if let Some(contacts) = self.contacts {
+            whole("contacts", contacts);
+        }
         whole("inserted", self.inserted);
         whole("removed", self.removed);
         let mut real = |name: String, value| cells.push((name, Cell::Real(value)));
@@ -101,7 +109,9 @@ impl SeriesRow {
         real("rotational_energy_J".to_owned(), self.rotational_energy);
         real("rms_speed_m_per_s".to_owned(), self.rms_speed);
         real("maximum_speed_m_per_s".to_owned(), self.maximum_speed);
-        real("maximum_overlap_over_radius".to_owned(), self.maximum_overlap);
+        if let Some(overlap) = self.maximum_overlap {
+            real("maximum_overlap_over_radius".to_owned(), overlap);
+        }
         if let Some(energy) = &self.energy {
             for (name, value) in energy.columns() {
                 real(format!("{name}_J"), value);

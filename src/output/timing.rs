@@ -123,10 +123,21 @@ impl ProcessUse {
     /// Asks the system; a field is empty where it does not tell.
     #[must_use]
     pub fn now() -> Self {
-        let read = |name: &str| fs::read_to_string(format!("/proc/self/{name}")).ok();
+        Self::of("self", 2)
+    }
+
+    /// What a process has used, with the processor time of its children that have ended and whose status it has asked for. Of one
+    /// that has ended itself the memory is no longer known.
+    #[must_use]
+    pub fn of_family(pid: i32) -> Self {
+        Self::of(&pid.to_string(), 4)
+    }
+
+    fn of(process: &str, times: usize) -> Self {
+        let read = |name: &str| fs::read_to_string(format!("/proc/{process}/{name}")).ok();
         let ticks = fs::read("/proc/self/auxv").ok().and_then(|auxv| clock_ticks(&auxv)).unwrap_or(100.0);
         Self {
-            cpu_s: read("stat").and_then(|stat| cpu_ticks(&stat)).map(|used| used as f64 / ticks),
+            cpu_s: read("stat").and_then(|stat| cpu_ticks(&stat, times)).map(|used| used as f64 / ticks),
             peak_memory_bytes: read("status").and_then(|status| peak_memory(&status)),
         }
     }
@@ -138,12 +149,13 @@ pub fn reset_peak_memory() {
     drop(fs::write("/proc/self/clear_refs", "5"));
 }
 
-/// utime + stime, fields 14 and 15 of proc(5); the command in field 2 may hold spaces and brackets itself.
-fn cpu_ticks(stat: &str) -> Option<u64> {
+/// utime + stime, fields 14 and 15 of proc(5), with 4 `times` also cutime + cstime behind them; the command in field 2 may hold spaces
+/// and brackets itself.
+fn cpu_ticks(stat: &str, times: usize) -> Option<u64> {
     let after_command = &stat[stat.rfind(')')? + 1..];
-    let mut fields = after_command.split_ascii_whitespace().skip(11);
-    let [user, system] = [fields.next()?, fields.next()?];
-    user.parse::<u64>().ok()?.checked_add(system.parse().ok()?)
+    let fields: Vec<u64> =
+        after_command.split_ascii_whitespace().skip(11).take(times).map_while(|field| field.parse().ok()).collect();
+    (fields.len() == times).then(|| fields.iter().sum())
 }
 
 /// Clock ticks per second: entry `AT_CLKTCK` of getauxval(3), pairs of machine words.
@@ -183,8 +195,9 @@ mod tests {
     #[test]
     fn the_systems_tables_are_read_by_their_definition() {
         let stat = "42 (a ) b) R 1 2 3 4 5 6 7 8 9 10 250 50 0 0";
-        assert_eq!(cpu_ticks(stat), Some(300));
-        assert_eq!(cpu_ticks("42 (a"), None);
+        assert_eq!(cpu_ticks(stat, 2), Some(300));
+        assert_eq!(cpu_ticks("1 (a) R 1 2 3 4 5 6 7 8 9 10 250 50 7 1", 4), Some(308));
+        assert_eq!(cpu_ticks("42 (a", 2), None);
         assert_eq!(peak_memory("VmPeak:\t 9 kB\nVmHWM:\t    2048 kB\n"), Some(2048 * 1024));
         let words: [usize; 6] = [6, 4096, 17, 250, 0, 0];
         let auxv: Vec<u8> = words.iter().flat_map(|word| word.to_ne_bytes()).collect();

@@ -88,6 +88,7 @@ fn scene() -> Scene {
         measures: Vec::new(),
         gates: Vec::new(),
         stages: Vec::new(),
+        backend: crate::scene::backend::BackendName::Native,
         liggghts: crate::scene::backend::LiggghtsSettings::default(),
         start_checkpoint: None,
     }

@@ -168,10 +168,13 @@ pub fn lines(gates: &[Value]) -> Vec<String> {
         for one in gate["recorded"].as_array().into_iter().flatten() {
             let (stage, role) = (one["stage"].as_str().unwrap_or_default(), one["role"].as_str().unwrap_or_default());
             let (stream, crossings) = (&one["stream"], &one["crossings"]);
+            // A stage that was stopped has no stream: what passed so far is in its checkpoint.
+            let passed = match stream["crossings"].as_u64() {
+                Some(count) => format!("{count} crossings, {:.4} kg", number(&stream["mass_kg"])),
+                None => "no stream yet".to_owned(),
+            };
             lines.push(format!(
-                "gate '{name}' ({role} by {stage}): {} crossings, {:.4} kg, {:.1} % in contact, mean normal speed {:.3} m/s, {} returned",
-                stream["crossings"],
-                number(&stream["mass_kg"]),
+                "gate '{name}' ({role} by {stage}): {passed}, {:.1} % in contact, mean normal speed {:.3} m/s, {} returned",
                 100.0 * number(&crossings["contact_share"]),
                 number(&crossings["mean_normal_speed_m_s"]),
                 one["tally"]["returned"],

@@ -4,13 +4,15 @@ use super::folder::{Claim, RunFolder};
 use super::streams::{self, StreamInput};
 use super::{RunError, RunRequest, picture, summary};
 use crate::analysis::{MeasureResult, Observed, evaluate};
-use crate::backend::native;
+use crate::backend::BackendError;
 use crate::backend::stage::{Kick, StageRequest, StageResult};
+use crate::backend::{liggghts, native};
 use crate::exit_code;
 use crate::output::summary::Summary;
 use crate::output::timing::reset_peak_memory;
 use crate::plan::Plan;
 use crate::scene::Scene;
+use crate::scene::backend::BackendName;
 use crate::stage::key::{Choices, ReplayChoice, StageKey};
 use crate::stage::split::{StageJob, take_events};
 use crate::storage::StorageError;
@@ -117,8 +119,6 @@ fn compute(
     key: &StageKey,
     folder: &RunFolder,
 ) -> Result<StageOutcome, RunError> {
-    let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
-    setup.momentum = !job.records.is_empty() || !inputs.is_empty();
     let replays = streams::replays(job, inputs)?;
     let stage = StageRequest {
         folder: place,
@@ -137,7 +137,7 @@ fn compute(
         let accepted = |misfit: &String| format!("stream '{}' was accepted although {misfit}", input.name);
         warned.extend(input.misfits.iter().map(accepted));
     }
-    let result = match native::run(&job.scene, setup, &stage) {
+    let result = match computed(order, job, &stage) {
         Ok(result) => result,
         Err(error) => {
             // What went wrong first is what the user must hear of, also where the disk takes no summary any more.
@@ -152,6 +152,18 @@ fn compute(
     Ok(StageOutcome { was_done: false, timing: result.timing.table(), ..StageOutcome::done(&job.name, place, summary) })
 }
 
+/// Lets the job's backend compute it.
+fn computed(order: &StageOrder, job: &StageJob, request: &StageRequest) -> Result<StageResult, BackendError> {
+    match job.backend {
+        BackendName::Native => {
+            let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
+            setup.momentum = !request.records.is_empty() || !request.replays.is_empty();
+            native::run(&job.scene, setup, request)
+        }
+        BackendName::Liggghts => liggghts::run(&job.scene, order.plan, request),
+    }
+}
+
 fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Result<StageKey, RunError> {
     let scene = &job.scene;
     if let Some(missing) = scene.start_checkpoint.as_ref().filter(|path| !path.is_file()) {
@@ -164,10 +176,17 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
     let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
     let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;
     let streams: Vec<&str> = inputs.iter().map(|input| input.digest.as_str()).collect();
+    let external = match job.backend {
+        BackendName::Native => None,
+        BackendName::Liggghts => Some(liggghts::key_content(&scene.liggghts)?),
+    };
     let replays: Vec<ReplayChoice> = job.replays.iter().map(ReplayChoice::from).collect();
     let choices = Choices {
-        backend: native::NAME,
-        numerics_version: native::NUMERICS_VERSION,
+        backend: job.backend.text(),
+        numerics_version: match job.backend {
+            BackendName::Native => native::NUMERICS_VERSION,
+            BackendName::Liggghts => liggghts::NUMERICS_VERSION,
+        },
         timestep: plan.timestep.chosen,
         skin: plan.skin.skin,
         models: &models,
@@ -176,6 +195,7 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
         replays: &replays,
         streams: &streams,
         kick: order.kick.filter(|_| inputs.is_empty()).map(|kick| (kick.length, kick.draw)),
+        external: external.as_ref(),
     };
     Ok(StageKey::new(scene, &choices))
 }

@@ -3,12 +3,11 @@
 use super::stage::{StageOrder, StageOutcome};
 use super::{RunRequest, gates, load};
 use crate::analysis::{MassSeries, MeasureResult};
-use crate::backend::native;
 use crate::backend::stage::{EndReason, StageResult};
 use crate::backend::{BackendError, PartEvent, RemovalCause};
 use crate::dem::feed::{Amount, FeedReport};
 use crate::exit_code;
-use crate::output::series::Series;
+use crate::output::series::{Series, mass_column};
 use crate::output::summary::{
     EventSummary, FeedSummary, GradingSummary, Outcome, RemovalSummary, SceneProvenance, StageSummary, Summary,
 };
@@ -40,7 +39,7 @@ pub fn mass_series(scene: &Scene, folder: &Path) -> Result<Vec<MassSeries>, Stor
     let series = Series::read(&folder.join("series.csv"))?;
     let times = series.column("time_s").unwrap_or_default();
     let samples = |name: &str| {
-        let masses = series.column(&native::mass_column(name)).unwrap_or_default();
+        let masses = series.column(&mass_column(name)).unwrap_or_default();
         times.iter().copied().zip(masses.iter().copied()).collect()
     };
     Ok(wanted.into_iter().map(|name| MassSeries { measure: name.to_owned(), samples: samples(name) }).collect())
@@ -61,7 +60,9 @@ fn provenance(request: &RunRequest, scene: &Scene) -> SceneProvenance {
 /// The summary of a stage that the backend did not bring to its end.
 pub fn of_failure(order: &StageOrder, job: &StageJob, error: &BackendError, warnings: Vec<String>) -> Summary {
     let (time_s, steps) = match error {
-        BackendError::Unstable { time, steps, .. } | BackendError::Gate { time, steps, .. } => (*time, *steps),
+        BackendError::Unstable { time, steps, .. }
+        | BackendError::Gate { time, steps, .. }
+        | BackendError::Failed { time, steps, .. } => (*time, *steps),
         _ => (0.0, 0),
     };
     Summary {
@@ -69,8 +70,8 @@ pub fn of_failure(order: &StageOrder, job: &StageJob, error: &BackendError, warn
         outcome: Outcome { exit_code: error.exit_code(), reason: error.to_string(), time_s },
         stages: vec![StageSummary {
             name: job.name.clone(),
-            backend: native::NAME.to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            backend: job.backend.text().to_owned(),
+            version: String::new(),
             steps,
             timestep_s: order.plan.timestep.chosen,
             ..StageSummary::default()
@@ -94,6 +95,7 @@ pub fn of(
     warnings
         .extend(feeds.iter().filter_map(|feed| Some(format!("feed '{}': {}", feed.name, feed.shortfall.as_ref()?))));
     warnings.extend(gates::warnings(&result.gates));
+    warnings.extend(result.warnings.iter().cloned());
     let interrupted = result.end == EndReason::Interrupted;
     let mut summary = Summary {
         scene: provenance(order.request, &job.scene),
@@ -104,8 +106,8 @@ pub fn of(
         },
         stages: vec![StageSummary {
             name: job.name.clone(),
-            backend: native::NAME.to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            backend: result.identity.backend.text().to_owned(),
+            version: result.identity.version.clone(),
             steps: result.steps,
             timestep_s: order.plan.timestep.chosen,
             particles: result.particles.len() as u64,
@@ -113,7 +115,7 @@ pub fn of(
             cpu_s: result.used.cpu_s,
             particle_steps_per_s: result.particle_steps / result.wall_s,
             peak_memory_bytes: result.used.peak_memory_bytes,
-            threads: order.threads as u64,
+            threads: result.identity.threads,
         }],
         gates: gates::of_stage(&job.name, folder, &result.gates)?,
         feeds,

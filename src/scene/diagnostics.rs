@@ -86,6 +86,7 @@ pub const ALL_IDS: &[&str] = &[
     "gate-unused",
     "ghost-zone",
     "interval-below-timestep",
+    "liggghts-cadence",
     "measure-outside-domain",
     "measure-upstream",
     "motion-window",

@@ -36,7 +36,7 @@ pub(super) fn largest_diameter(classes: &[Located<Option<ParticleClass>>], feeds
 }
 
 /// Bounds of a surface at rest; of a plane only its point.
-pub(super) fn of_surface(surface: &Surface) -> Bounds {
+pub(crate) fn of_surface(surface: &Surface) -> Bounds {
     let mut bounds = Bounds::EMPTY;
     match surface {
         Surface::Plane { point, .. } => bounds.include(point),
@@ -59,7 +59,7 @@ fn of_disc(centre: &Vec3, normal: &Vec3, radius: f64) -> Bounds {
 }
 
 /// Bounds of all that `bounds` can reach by `motion` until `end` [s]; never too small.
-pub(super) fn moved(mut bounds: Bounds, motion: &Motion, end: f64) -> Bounds {
+pub(crate) fn moved(mut bounds: Bounds, motion: &Motion, end: f64) -> Bounds {
     for term in motion.terms.iter().filter(|term| term.from < end) {
         let duration = term.until.min(end) - term.from;
         bounds = match &term.kind {
@@ -100,7 +100,7 @@ fn turned(bounds: &Bounds, origin: &Vec3, axis: &Vec3) -> Bounds {
 }
 
 /// The eight corners of a box.
-pub(super) fn corners(bounds: &Bounds) -> [Vec3; 8] {
+pub(crate) fn corners(bounds: &Bounds) -> [Vec3; 8] {
     let pick = |high: bool, axis: usize| if high { bounds.maximum[axis] } else { bounds.minimum[axis] };
     std::array::from_fn(|k| Vec3::new(pick(k & 1 != 0, 0), pick(k & 2 != 0, 1), pick(k & 4 != 0, 2)))
 }

@@ -1,6 +1,7 @@
 //! Gates and stages of a scene: where the plant is cut, what a stage consists of, how a stream is replayed.
 
 use super::EndConditions;
+use super::backend::BackendName;
 use crate::geometry::plane::GatePlane;
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
@@ -92,6 +93,8 @@ pub struct StageOutline {
     pub replays: Vec<Replay>,
     /// When it ends; `None` for the scene's conditions, and once it is empty where particles leave through a gate.
     pub end: Option<EndConditions>,
+    /// Who computes it; `None` for whoever computes the scene.
+    pub backend: Option<BackendName>,
 }
 
 /// A stream that enters a stage, and how.

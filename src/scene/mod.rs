@@ -5,7 +5,7 @@
 
 pub mod backend;
 pub mod diagnostics;
-mod extent;
+pub(crate) mod extent;
 pub mod gate;
 pub mod layout;
 mod quantity;
@@ -65,6 +65,8 @@ pub struct Scene {
     pub gates: Vec<gate::Gate>,
     /// Stages in the scene's order, or as the gates imply them; none where there is neither gate nor stage.
     pub stages: Vec<gate::StageOutline>,
+    /// Who computes stages that do not say it themselves.
+    pub backend: backend::BackendName,
     /// What LIGGGHTS is told, where it computes.
     pub liggghts: backend::LiggghtsSettings,
     /// Start from another run's checkpoint instead of an empty scene.

@@ -1,6 +1,5 @@
 //! From a file to a scene, or to everything that is wrong with it.
 
-use super::backend::LiggghtsSettings;
 use super::diagnostics::{Finding, Place, Report, Severity};
 use super::resolve::{Draft, resolve};
 use super::{Domain, MeasureKind, Scene, extent, rules, tree};
@@ -115,7 +114,8 @@ fn assemble(draft: Draft, domain: Domain) -> Option<Scene> {
         measures: measures.collect(),
         gates: draft.gates.into_iter().map(|gate| gate.item).collect(),
         stages: draft.stages.stages.into_iter().map(|stage| stage.item).collect(),
-        liggghts: LiggghtsSettings::default(),
+        backend: draft.backend,
+        liggghts: draft.liggghts,
         start_checkpoint: draft.start_checkpoint,
     })
 }

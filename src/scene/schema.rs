@@ -25,6 +25,8 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
             "measure",
             "gate",
             "stage",
+            "backend",
+            "liggghts",
         ],
     ),
     ("domain", &["min", "max", "boundary"]),
@@ -110,7 +112,7 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
     ("gate.aperture", &["shape", "radius", "side_a", "side_b"]),
     ("gate.exclusion", &["mode", "length"]),
     ("gate.paths", &["every", "length"]),
-    ("stage", &["name", "parts", "feeds", "records", "end", "replay"]),
+    ("stage", &["name", "parts", "feeds", "records", "end", "backend", "replay"]),
     (
         "stage.replay",
         &[
@@ -132,6 +134,26 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
         ],
     ),
     ("stage.replay.mirror", &["point", "normal"]),
+    (
+        "liggghts",
+        &[
+            "sample_every",
+            "batch_every",
+            "contacts",
+            "ranks",
+            "processors",
+            "skin",
+            "templates",
+            "mpirun",
+            "time_limit",
+            "keep_samples",
+            "lines",
+        ],
+    ),
+    (
+        "liggghts.lines",
+        &["after_system", "after_materials", "after_walls", "after_integration", "before_run", "after_run"],
+    ),
 ];
 
 /// Keys that never carry a unit.
@@ -192,6 +214,22 @@ const WORDS: &[&str] = &[
     "mirror",
     "leaving",
     "backing_up",
+    "backend",
+    "liggghts",
+    "sample_every",
+    "batch_every",
+    "ranks",
+    "processors",
+    "templates",
+    "mpirun",
+    "keep_samples",
+    "lines",
+    "after_system",
+    "after_materials",
+    "after_walls",
+    "after_integration",
+    "before_run",
+    "after_run",
 ];
 
 /// True where `section` has `key`.

@@ -44,6 +44,9 @@ pub struct Choices<'a> {
     /// Kick of a particle at the start: length [m], number of the draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kick: Option<(f64, u64)>,
+    /// Of an external code: its version, and what it is told that may change a number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub external: Option<&'a Value>,
 }
 
 /// How a stream is replayed; which one it is its digest says, wherever it comes from.
@@ -103,6 +106,7 @@ impl StageKey {
         content.remove("start_checkpoint");
         // Of those who compute by it: among the choices as well.
         content.remove("liggghts");
+        content.remove("backend");
         SPLIT_KEYS.iter().for_each(|key| drop(content.remove(*key)));
         let mut outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();

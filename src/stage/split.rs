@@ -3,6 +3,7 @@
 
 use super::graph::Graph;
 use crate::geometry::part::Trigger;
+use crate::scene::backend::BackendName;
 use crate::scene::gate::{Clock, Gate, Replay, StreamSource};
 use crate::scene::layout::Layout;
 use crate::scene::{EndConditions, Scene};
@@ -22,6 +23,8 @@ pub struct Recording {
 pub struct StageJob {
     /// Name of the stage; of a whole run that of its last stage.
     pub name: String,
+    /// Who computes it.
+    pub backend: BackendName,
     /// The scene as the job sees it: its parts and feeds, its end, no gates and no stages. Feeds of other stages keep their
     /// place and bring nothing.
     pub scene: Scene,
@@ -47,6 +50,7 @@ impl StageJob {
     pub fn uncut(scene: &Scene) -> Self {
         Self {
             name: scene.name.clone(),
+            backend: scene.backend,
             scene: scene.clone(),
             records: Vec::new(),
             replays: Vec::new(),
@@ -73,6 +77,7 @@ pub fn stage_jobs(scene: &Scene) -> Vec<StageJob> {
         let outline = &scene.stages[stage];
         let mut job = crop(scene, &layout, &[stage]);
         job.name.clone_from(&outline.name);
+        job.backend = outline.backend.unwrap_or(scene.backend);
         let recording = |gate: &usize| Recording { gate: scene.gates[*gate].clone(), observes: false };
         job.records = outline.records.iter().map(recording).collect();
         job.replays.clone_from(&outline.replays);
@@ -105,6 +110,7 @@ pub fn whole_jobs(scene: &Scene) -> Vec<StageJob> {
         let mut job = crop(scene, &layout, &members);
         let outline = &scene.stages[stage];
         job.name.clone_from(&outline.name);
+        job.backend = outline.backend.unwrap_or(scene.backend);
         let is_here = |gate: &usize| members.iter().any(|member| scene.stages[*member].records.contains(gate));
         let gates = (0..scene.gates.len()).filter(is_here);
         job.records = gates.map(|gate| Recording { gate: scene.gates[gate].clone(), observes: true }).collect();
@@ -171,6 +177,7 @@ fn crop(scene: &Scene, layout: &Layout<'_>, stages: &[usize]) -> StageJob {
     }
     StageJob {
         name: String::new(),
+        backend: scene.backend,
         scene: cropped,
         records: Vec::new(),
         replays: Vec::new(),

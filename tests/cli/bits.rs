@@ -1,6 +1,6 @@
 //! The same bits whatever the number of threads, and however often a run is killed, interrupted and resumed.
 
-use super::common::{Answer, BEADS, Bench, FLOOR, Frame, assert_same, interrupt};
+use super::common::{Answer, BEADS, Bench, FLOOR, Frame, assert_same, interrupt, kill, seeded};
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::OnceLock;
@@ -125,16 +125,6 @@ fn two_threads_give_the_bits_of_one() {
     assert_same(undisturbed(), &bench.result("a"));
 }
 
-/// A few numbers that are the same at every repetition (Knuth's MMIX generator).
-fn seeded(seed: u64, count: usize, below: u64) -> Vec<usize> {
-    let mut state = seed;
-    let mut next = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 33) % below) as usize
-    };
-    (0..count).map(|_| next()).collect()
-}
-
 #[test]
 fn a_run_killed_again_and_again_ends_as_the_undisturbed_one() {
     let bench = bin();
@@ -147,8 +137,7 @@ fn a_run_killed_again_and_again_ends_as_the_undisturbed_one() {
         let command = [&["run", "scene.toml", "--threads", "1", "--out", "a"], further].concat();
         let mut child = bench.start(&command);
         let going = bench.wait_for_rows(&mut child, "a", rows);
-        child.kill().unwrap();
-        child.wait().unwrap();
+        kill(&mut child);
         assert!(going, "the run ended before row {rows}");
         assert!(!bench.path("a/summary.json").exists());
         further = &["--resume"];
@@ -168,8 +157,7 @@ fn an_interrupted_run_says_so_and_goes_on_to_the_same_end() {
         assert!(bench.wait_for_rows(&mut child, "a", rows));
         interrupt(&child);
         let answer = Answer::from(child.wait_with_output().unwrap());
-        assert_eq!(answer.code, 130, "{answer:?}");
-        assert!(answer.err.contains("interrupted") && answer.err.contains("--resume"), "{answer:?}");
+        answer.ended(130, &["interrupted", "--resume"]);
         let summary = bench.summary("a");
         assert_eq!(summary.word("/outcome/reason"), "interrupted");
         assert_eq!(summary.number("/outcome/exit_code"), 130.0);

@@ -1,27 +1,16 @@
 //! What may be written where: results are never overwritten, and only what belongs together is continued.
 
-use super::common::{BEADS, Bench, FLOOR, assert_same};
+use super::common::{BEADS, Bench, FLOOR, assert_same, kill};
 use std::fs;
-use std::time::SystemTime;
 
 const END: &str = "[end]\ntime = \"20 ms\"\n";
 const OUTPUT: &str = "[output]\nframes = \"5 ms\"\nseries = \"1 ms\"\n";
-
-fn times(bench: &Bench, out: &str) -> Vec<(String, SystemTime)> {
-    let mut times: Vec<_> = fs::read_dir(bench.path(out))
-        .unwrap()
-        .map(|entry| entry.unwrap())
-        .map(|entry| (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().modified().unwrap()))
-        .collect();
-    times.sort();
-    times
-}
 
 #[test]
 fn the_same_run_is_done_and_another_is_refused_with_the_difference() {
     let bench = Bench::with(&[FLOOR, BEADS, END, OUTPUT]);
     bench.run("a", &[]);
-    let before = times(&bench, "a");
+    let before = bench.changes("a");
     let result = bench.result("a");
     let done = |further: &[&str]| {
         let answer = bench.tollgate(&[&["run", "scene.toml", "--out", "a"], further].concat());
@@ -47,7 +36,7 @@ fn the_same_run_is_done_and_another_is_refused_with_the_difference() {
     refused(&["--set", "feed.fill.amount=61"], &["feeds.fill", "60 then, 61 now"]);
     refused(&["--model", "rolling_resistance=off"], &["rolling_resistance"]);
     refused(&["--set", "output.series=2 ms"], &["this very run, but with other outputs"]);
-    assert_eq!(times(&bench, "a"), before, "a refusal touched the folder");
+    assert_eq!(bench.changes("a"), before, "a refusal touched the folder");
     assert_same(&result, &bench.result("a"));
 }
 
@@ -79,8 +68,7 @@ fn a_folder_is_computed_by_one_process_at_a_time() {
     let mut child = bench.start(&["run", "scene.toml", "--out", "a", "--threads", "1"]);
     assert!(bench.wait_for_rows(&mut child, "a", 1));
     bench.tollgate(&["run", "scene.toml", "--out", "a", "--resume"]).refused(2, &["another process"]);
-    child.kill().unwrap();
-    child.wait().unwrap();
+    kill(&mut child);
 }
 
 #[test]

@@ -1,15 +1,12 @@
-//! Scenes with gates, runs of them, and what they leave behind.
+//! Scenes with gates, and what their runs leave behind.
 
+pub use crate::program::{Answer, Bench, Summary, assert_same, interrupt, kill, number, rows, seeded};
+
+use crate::program::{Frame, files};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
-use tempfile::TempDir;
-
-/// Wall time after which a run that should have come somewhere is given up.
-const PATIENCE: Duration = Duration::from_secs(120);
+use std::path::Path;
 
 /// Materials of the inline scenes: soft beads without rolling resistance, rigid walls, and a time step that is a round number.
 const MATERIALS: &str = r#"
@@ -76,16 +73,7 @@ impl Drop {
     }
 }
 
-/// A folder that holds scenes and runs.
-pub struct Bench {
-    folder: TempDir,
-}
-
 impl Bench {
-    pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap() }
-    }
-
     /// With the small hopper as `scene.toml`.
     pub fn hopper() -> Self {
         let bench = Self::new();
@@ -119,63 +107,6 @@ impl Bench {
         format!("[[feed]]\nname = \"{name}\"\nkind = \"file\"\nfile = \"{name}.csv\"\n")
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    pub fn text(&self, name: &str) -> String {
-        fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
-    }
-
-    pub fn json(&self, name: &str) -> Value {
-        serde_json::from_str(&self.text(name)).unwrap()
-    }
-
-    fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tollgate"));
-        command.current_dir(self.folder.path()).args(arguments).stdin(Stdio::null());
-        command
-    }
-
-    /// Runs the binary to its end.
-    pub fn tollgate(&self, arguments: &[&str]) -> Answer {
-        Answer::from(self.command(arguments).output().unwrap())
-    }
-
-    /// `run scene.toml` on one thread into `out`.
-    pub fn attempt(&self, out: &str, further: &[&str]) -> Answer {
-        self.tollgate(&[&["run", "scene.toml", "--threads", "1", "--out", out], further].concat())
-    }
-
-    /// The same, expected to end with 0.
-    pub fn run(&self, out: &str, further: &[&str]) -> Summary {
-        let answer = self.attempt(out, further);
-        assert_eq!(answer.code, 0, "{answer:?}");
-        self.summary(out)
-    }
-
-    /// Starts the binary in the background.
-    pub fn start(&self, arguments: &[&str]) -> Child {
-        self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-    }
-
-    /// Waits until `holds`; false where the run ended before.
-    pub fn wait(&self, child: &mut Child, holds: impl Fn() -> bool) -> bool {
-        let started = Instant::now();
-        while !holds() {
-            if child.try_wait().unwrap().is_some() {
-                return false;
-            }
-            assert!(started.elapsed() < PATIENCE, "the run came nowhere");
-            std::thread::sleep(Duration::from_micros(300));
-        }
-        true
-    }
-
-    pub fn summary(&self, out: &str) -> Summary {
-        Summary(self.json(&format!("{out}/summary.json")))
-    }
-
     /// All frames of a stage.
     pub fn frames(&self, out: &str, stage: &str) -> Frames {
         Frames::of(&self.text(&format!("{out}/stages/{stage}/dump.particles.lammpstrj")))
@@ -192,131 +123,20 @@ impl Bench {
         drop(fs::remove_file(&table));
         rows
     }
-
-    /// Everything that a run left and that may not depend on when and how it was computed: all files, but for times.
-    pub fn result(&self, out: &str) -> BTreeMap<String, Vec<u8>> {
-        let mut files = BTreeMap::new();
-        collect(&self.path(out), "", &mut files);
-        for (name, bytes) in &mut files {
-            if name.ends_with("summary.json") {
-                let mut summary: Value = serde_json::from_slice(bytes).unwrap();
-                forget_times(&mut summary);
-                *bytes = serde_json::to_vec_pretty(&summary).unwrap();
-            }
-        }
-        files
-    }
-}
-
-/// Takes out of a summary what was measured on a clock, or says how it was computed.
-fn forget_times(summary: &mut Value) {
-    let top = summary.as_object_mut().unwrap();
-    top.remove("timing_s");
-    top.remove("load");
-    for stage in top.get_mut("stages").and_then(Value::as_array_mut).into_iter().flatten() {
-        let stage = stage.as_object_mut().unwrap();
-        for key in ["wall_s", "cpu_s", "particle_steps_per_s", "peak_memory_bytes", "threads"] {
-            assert!(stage.remove(key).is_some(), "no {key}");
-        }
-    }
-}
-
-fn collect(folder: &Path, prefix: &str, files: &mut BTreeMap<String, Vec<u8>>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = format!("{prefix}{}", path.file_name().unwrap().to_str().unwrap());
-        if path.is_dir() {
-            collect(&path, &format!("{name}/"), files);
-        } else {
-            files.insert(name, fs::read(&path).unwrap());
-        }
-    }
 }
 
 /// Copies a folder with all that is in it.
 pub fn copy_folder(from: &Path, to: &Path) {
-    let mut files = BTreeMap::new();
-    collect(from, "", &mut files);
-    for (name, bytes) in files {
+    for (name, path) in files(from) {
         let place = to.join(name);
         fs::create_dir_all(place.parent().unwrap()).unwrap();
-        fs::write(place, bytes).unwrap();
+        fs::copy(path, place).unwrap();
     }
 }
-
-/// A file as text. The caption of a picture tells processor times, which are nobody's result.
-fn comparable(name: &str, bytes: &[u8]) -> String {
-    let text = String::from_utf8_lossy(bytes);
-    let is_result = |line: &&str| !(name.ends_with("picture.svg") && line.starts_with("<text"));
-    text.lines().filter(is_result).collect::<Vec<_>>().join("\n")
-}
-
-/// Two results are the same to the last byte; says which file is not, and where.
-pub fn assert_same(one: &BTreeMap<String, Vec<u8>>, other: &BTreeMap<String, Vec<u8>>) {
-    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
-    assert_eq!(names(one), names(other));
-    for (name, bytes) in one {
-        if *bytes == other[name] {
-            continue;
-        }
-        let (a, b) = (comparable(name, bytes), comparable(name, &other[name]));
-        if a == b {
-            continue;
-        }
-        let line = a.lines().zip(b.lines()).position(|(a, b)| a != b);
-        let shown =
-            |text: &str| text.lines().nth(line.unwrap_or(0)).unwrap_or_default().chars().take(200).collect::<String>();
-        panic!("{name} differs, first in line {line:?}:\n{}\n{}", shown(&a), shown(&b));
-    }
-}
-
-/// What the binary said.
-#[derive(Debug)]
-pub struct Answer {
-    pub code: i32,
-    pub out: String,
-    pub err: String,
-}
-
-impl From<Output> for Answer {
-    fn from(output: Output) -> Self {
-        Self {
-            code: output.status.code().unwrap_or(-1),
-            out: String::from_utf8(output.stdout).unwrap(),
-            err: String::from_utf8(output.stderr).unwrap(),
-        }
-    }
-}
-
-impl Answer {
-    /// Ended with this status, and these words on stderr.
-    pub fn refused(&self, code: i32, words: &[&str]) {
-        assert_eq!(self.code, code, "{self:?}");
-        for word in words {
-            assert!(self.err.contains(word), "no {word:?} in: {}", self.err);
-        }
-    }
-}
-
-/// A run's `summary.json`.
-#[derive(Debug, Clone)]
-pub struct Summary(pub Value);
 
 impl Summary {
-    pub fn at(&self, pointer: &str) -> &Value {
-        self.0.pointer(pointer).unwrap_or_else(|| panic!("no {pointer} in {:#}", self.0))
-    }
-
-    pub fn number(&self, pointer: &str) -> f64 {
-        number(self.at(pointer))
-    }
-
-    pub fn word(&self, pointer: &str) -> &str {
-        self.at(pointer).as_str().unwrap_or_else(|| panic!("{pointer} is {}", self.at(pointer)))
-    }
-
     fn gate(&self, name: &str) -> &Value {
-        let gates = self.at("/gates").as_array().unwrap();
+        let gates = self.list("/gates");
         gates.iter().find(|gate| gate["name"] == name).unwrap_or_else(|| panic!("no gate {name}: {:#}", self.0))
     }
 
@@ -332,18 +152,13 @@ impl Summary {
     }
 
     pub fn warns(&self, words: &str) -> bool {
-        self.at("/warnings").as_array().unwrap().iter().any(|warning| warning.as_str().unwrap().contains(words))
+        self.list("/warnings").iter().any(|warning| warning.as_str().unwrap().contains(words))
     }
 
     pub fn stage(&self, name: &str) -> &Value {
-        let stages = self.at("/stages").as_array().unwrap();
+        let stages = self.list("/stages");
         stages.iter().find(|stage| stage["name"] == name).unwrap_or_else(|| panic!("no stage {name}"))
     }
-}
-
-/// A JSON number.
-pub fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
 /// Every crossing arrived once with the stored bits: nothing is listed as an exception, number and mass are exact.
@@ -377,31 +192,24 @@ pub struct Frames(pub BTreeMap<u64, BTreeMap<u64, Row>>);
 
 impl Frames {
     fn of(text: &str) -> Self {
-        let mut frames = BTreeMap::new();
-        for frame in text.split("ITEM: TIMESTEP\n").skip(1) {
-            let mut lines = frame.lines();
-            let step: u64 = lines.next().unwrap().parse().unwrap();
-            let header = lines.find_map(|line| line.strip_prefix("ITEM: ATOMS ")).unwrap();
-            let names: Vec<&str> = header.split(' ').collect();
-            let rows = lines.map(|line| {
-                let fields: Vec<&str> = line.split(' ').collect();
-                let at = |name: &str| {
-                    let index = names.iter().position(|other| *other == name);
-                    fields[index.unwrap_or_else(|| panic!("no {name} in {names:?}"))]
-                };
-                let of = |name: &str| at(name).parse::<f64>().unwrap();
-                let row = Row {
-                    place: ["x", "y", "z"].map(of),
-                    velocity: ["vx", "vy", "vz"].map(of),
-                    force: ["fx", "fy", "fz"].map(of),
-                    spin: ["omegax", "omegay", "omegaz"].map(of),
-                    radius: of("radius"),
-                };
-                (at("id").parse::<u64>().unwrap(), row)
-            });
-            frames.insert(step, rows.collect());
-        }
-        Self(frames)
+        let places = |frame: &Frame| {
+            let vectors = |names: [&str; 3]| {
+                let [x, y, z] = names.map(|name| frame.column(name));
+                move |row: usize| [x[row], y[row], z[row]]
+            };
+            let (place, velocity) = (vectors(["x", "y", "z"]), vectors(["vx", "vy", "vz"]));
+            let (force, spin) = (vectors(["fx", "fy", "fz"]), vectors(["omegax", "omegay", "omegaz"]));
+            let ids = frame.words("id").into_iter().map(|id| id.parse().unwrap());
+            let row = |(index, radius)| Row {
+                place: place(index),
+                velocity: velocity(index),
+                force: force(index),
+                spin: spin(index),
+                radius,
+            };
+            ids.zip(frame.column("radius").into_iter().enumerate().map(row)).collect()
+        };
+        Self(Frame::all(text).iter().map(|frame| (frame.step, places(frame))).collect())
     }
 
     /// All identities that ever occur.
@@ -421,14 +229,4 @@ impl Frames {
     pub fn last(&self) -> (&u64, &BTreeMap<u64, Row>) {
         self.0.last_key_value().unwrap()
     }
-}
-
-/// A few numbers that are the same at every repetition (Knuth's MMIX generator).
-pub fn seeded(seed: u64, count: usize, below: u64) -> Vec<u64> {
-    let mut state = seed;
-    let mut next = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % below
-    };
-    (0..count).map(|_| next()).collect()
 }

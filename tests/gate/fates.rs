@@ -33,7 +33,7 @@ fn up(x: f64, apex: f64) -> Drop {
 
 /// Removed particles of a stage by cause.
 fn removed(summary: &Summary, cause: &str) -> f64 {
-    let rows = summary.at("/removed").as_array().unwrap();
+    let rows = summary.list("/removed");
     rows.iter().filter(|row| row["cause"] == cause).map(|row| number(&row["count"])).sum()
 }
 

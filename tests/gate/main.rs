@@ -2,6 +2,11 @@
 //! whole. One target, so that it is linked once.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "../common/draw.rs"]
+mod draw;
+#[path = "../common/program.rs"]
+mod program;
+
 mod backing_up;
 mod common;
 mod comparing;

@@ -124,8 +124,7 @@ fn a_series_of_three_stages_falls_through() {
     let feed = bench.drops("rain", &drops());
     bench.write_scene("scene.toml", "", &[FLOOR, &feed, &end(0.25), OUTPUT, &gate("high", 150.0), &gate("low", 80.0)]);
     let summary = bench.run("a", &[]);
-    let names: Vec<&str> =
-        summary.at("/stages").as_array().unwrap().iter().map(|stage| stage["name"].as_str().unwrap()).collect();
+    let names: Vec<&str> = summary.list("/stages").iter().map(|stage| stage["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["before-high", "high-to-low", "after-low"]);
     assert_faultless(summary.replayed("high", "high-to-low"), 6);
     assert_faultless(summary.replayed("low", "after-low"), 6);

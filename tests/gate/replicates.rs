@@ -1,6 +1,6 @@
 //! The same run several times.
 
-use crate::common::{Bench, Summary, assert_same, number};
+use crate::common::{Bench, Summary, assert_same, kill, number};
 
 const SHORT: [&str; 6] = ["--set", "feed.fill.amount=80", "--set", "end.time=0.2 s", "--set", "output.frames=10 ms"];
 
@@ -81,8 +81,7 @@ fn replicates_that_were_killed_are_resumed_to_the_same_bits() {
     let mut child = bench.start(&arguments("killed", &["--replicates", "3"]));
     let second = bench.path("killed/replicates/002/stages/hopper/series.csv");
     assert!(bench.wait(&mut child, || std::fs::read(&second).is_ok_and(|bytes| bytes.len() > 5000)));
-    child.kill().unwrap();
-    child.wait().unwrap();
+    kill(&mut child);
     bench.tollgate(&arguments("killed", &["--replicates", "3"])).refused(2, &["--resume"]);
     run(&bench, "killed", &["--replicates", "3", "--resume"]);
     assert_same(&bench.result("undisturbed"), &bench.result("killed"));

@@ -1,5 +1,8 @@
-//! What runs on the installed LIGGGHTS.
+//! LIGGGHTS as a backend, on the real program: these tests need it and fail where it is missing (`./run-tests` installs it).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod cross;
+mod doctor;
+mod faults;
+mod launching;
 mod suite;

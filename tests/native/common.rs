@@ -1,4 +1,6 @@
-//! Builders of small scenes and a plain generator of numbers.
+//! Builders of small scenes, and what is drawn for them.
+
+pub use crate::draw::Draw;
 
 use tollgate::dem::feed::Feed;
 use tollgate::dem::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
@@ -131,14 +133,10 @@ pub fn sheet(corner: Vec3, a: Vec3, b: Vec3, along_a: u32, along_b: u32) -> Tria
     TriangleMesh::from_soup(&soup)
 }
 
-/// A small generator of uniform numbers (Knuth's MMIX constants), so that tests draw the same numbers for ever.
-pub struct Draw(pub u64);
-
 impl Draw {
     /// Uniform in [0, 1).
     pub fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// Uniform between two numbers.

@@ -4,13 +4,37 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+<<<<<<< HEAD
 mod capability;
+=======
+mod collect;
+pub mod deck;
+mod explain;
+pub mod feeds;
+pub mod launch;
+>>>>>>> main
 pub mod parameters;
+pub mod probe;
+mod processes;
+pub mod record;
+pub mod replay;
+mod run;
+pub mod screen;
+mod series;
 pub mod tags;
+mod watch;
 
+<<<<<<< HEAD
 pub use capability::verdict;
 
+=======
+use crate::backend::BackendError;
+>>>>>>> main
 use crate::gate::Cadence;
+use crate::scene::backend::LiggghtsSettings;
+use crate::storage::StorageError;
+pub use run::{Rendered, render, run};
+use serde_json::{Value, json};
 
 /// Name of the backend in summaries.
 pub const NAME: &str = "liggghts";
@@ -21,6 +45,35 @@ pub const NUMERICS_VERSION: u32 = 1;
 ///
 /// Forces are those of the time step with gravity, as LIGGGHTS keeps them.
 pub const COLUMNS: &str = "id type radius density x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz";
+
+/// What belongs into the key of a stage that LIGGGHTS computes: its version, and what it is told that may change a number or what
+/// is recorded.
+///
+/// # Errors
+/// When LIGGGHTS is missing, or a template of the user's own cannot be read.
+pub fn key_content(settings: &LiggghtsSettings) -> Result<Value, BackendError> {
+    let mut templates = Vec::new();
+    if let Some(folder) = &settings.templates {
+        for name in deck::template::Templates::names() {
+            let path = folder.join(name);
+            if path.exists() {
+                let bytes = std::fs::read(&path).map_err(|source| StorageError::system("read", &path, source))?;
+                templates.push(json!([name, blake3::hash(&bytes).to_hex().as_str()]));
+            }
+        }
+    }
+    Ok(json!({
+        "version": probe::probe()?.version,
+        "sample_every": settings.sample_every,
+        "batch_every": settings.batch_every,
+        "contacts": settings.contacts,
+        "ranks": settings.ranks,
+        "processors": settings.processors,
+        "skin": settings.skin,
+        "lines": settings.lines.iter().map(|(place, lines)| json!([place.text(), lines])).collect::<Vec<_>>(),
+        "templates": templates,
+    }))
+}
 
 /// When things happen in a case.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +123,8 @@ pub mod files {
     pub const CONTACTS: &str = "contacts";
     /// States of ghosts when they became ordinary particles, a text dump.
     pub const ARRIVALS: &str = "arrivals.dump";
+    /// Particles that were taken out, `GATE.dump` and `domain.dump`, text dumps with [`super::COLUMNS`].
+    pub const REMOVED: &str = "removed";
     /// Frames, `STEP.bin`, with [`super::COLUMNS`]; that of the last time step is always there.
     pub const FRAMES: &str = "frames";
     /// Rows of what is recorded in time.

@@ -3,13 +3,15 @@
 pub mod calibrate;
 mod checkpoint_file;
 mod end;
+pub mod feeds;
 mod frames;
 pub mod gate;
 mod series;
 pub mod setup;
+pub mod touching;
 
 use super::BackendError;
-use super::stage::{EndReason, StageRequest, StageResult};
+use super::stage::{EndReason, Identity, StageRequest, StageResult};
 use crate::dem::inspect::Partner;
 pub use crate::dem::presence::PartEvent;
 pub use crate::dem::removal::{Removal, RemovalCause};
@@ -18,11 +20,11 @@ use crate::dem::watchdog::Stop;
 use crate::output::progress::{Progress, Status};
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::scene::Scene;
+use crate::scene::backend::BackendName;
 use crate::storage::StorageError;
 use checkpoint_file::CheckpointFile;
 use end::EndWatch;
 use gate::HandOver;
-pub use series::mass_column;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -258,6 +260,12 @@ impl Driver {
             }
         }
         Ok(StageResult {
+            identity: Identity {
+                backend: BackendName::Native,
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                threads: simulation.setup().threads as u64,
+            },
+            warnings: Vec::new(),
             end,
             time: simulation.time(),
             steps: simulation.steps_done(),

@@ -4,7 +4,7 @@ use super::Schedule;
 use crate::dem::inspect::{ContactRecord, Partner};
 use crate::dem::simulation::Simulation;
 use crate::math::Vec3;
-use crate::output::series::{PartRow, SeriesEnergy, SeriesRow, SeriesWriter};
+use crate::output::series::{PartRow, SeriesEnergy, SeriesRow, SeriesWriter, mass_column};
 use crate::particle::ParticleState;
 use crate::scene::{MeasureKind, Scene};
 use crate::storage::StorageError;
@@ -16,11 +16,6 @@ pub struct SeriesOutput {
     writer: SeriesWriter,
     schedule: Schedule,
     last_written: Option<u64>,
-}
-
-/// Column of the mass beyond a measure's plane.
-pub fn mass_column(measure: &str) -> String {
-    format!("{measure}.mass_beyond_kg")
 }
 
 impl SeriesOutput {
@@ -98,12 +93,12 @@ fn row(simulation: &Simulation, scene: &Scene) -> SeriesRow {
         step: simulation.steps_done(),
         particles: particles.len() as u64,
         mass: particles.iter().map(mass).sum(),
-        contacts: contacts.len() as u64,
+        contacts: Some(contacts.len() as u64),
         kinetic_energy: budget.kinetic,
         rotational_energy: budget.rotational,
         rms_speed: simulation.rms_speed(),
         maximum_speed: particles.iter().map(|p| p.velocity.norm()).fold(0.0, f64::max),
-        maximum_overlap: contacts.iter().map(overlap_ratio).fold(0.0, f64::max),
+        maximum_overlap: Some(contacts.iter().map(overlap_ratio).fold(0.0, f64::max)),
         inserted,
         removed: simulation.removed().len() as u64,
         energy,

@@ -47,7 +47,7 @@ impl Recorder {
         }
         match self.gate.returning {
             Fate::Keep => {}
-            Fate::Delete if step.is_multiple_of(super::HAND_OVER_STEPS) => look.delete.push(seen.id),
+            Fate::Delete if step.is_multiple_of(self.cadence.hand_over) => look.delete.push(seen.id),
             Fate::Delete => {}
             Fate::Error => {
                 let what = "came back over it after it had been recorded";

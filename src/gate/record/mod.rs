@@ -20,7 +20,7 @@ mod tests;
 pub use checkpoint::RecorderState;
 pub use fate::RecordTally;
 
-use super::HAND_OVER_STEPS;
+use super::Cadence;
 use super::crossing::{Crossing, Motion, Passage, Seen, StoredContact};
 use super::id_map::IdMap;
 use crate::math::Vec3;
@@ -29,10 +29,17 @@ use crate::scene::gate::{ExclusionMode, Fate, Gate, PassingPoint, PathRecording}
 use profile::FreeFlowProfile;
 use std::ops::RangeInclusive;
 
-/// Motions, `every` so many time steps, that are kept of a path before the first crossing: a ghost enters at the last multiple of
-/// [`HAND_OVER_STEPS`] before the first release, and those who touch that particle must be there when it becomes free.
-const fn motions_before_first_crossing(every: u64) -> usize {
-    HAND_OVER_STEPS.div_ceil(every) as usize + 2
+/// Motions, `every` so many time steps, that are kept of a path before the first crossing: a ghost enters at the last hand-over
+/// before the first release, and those who touch that particle must be there when it becomes free.
+const fn motions_before_first_crossing(cadence: Cadence, every: u64) -> usize {
+    cadence.hand_over.div_ceil(every) as usize + 2
+}
+
+/// How a recorder of this `cadence` stores paths that are to be stored as `asked`: at looks only.
+#[must_use]
+pub fn stored_paths(asked: Option<PathRecording>, cadence: Cadence) -> Option<PathRecording> {
+    let every = |paths: PathRecording| paths.every.max(1).next_multiple_of(cadence.look);
+    asked.map(|paths| PathRecording { every: every(paths), ..paths })
 }
 
 /// |a - g| above this share of |g| means that a particle is in contact.
@@ -54,9 +61,9 @@ pub struct Look {
     pub crossed: Vec<ParticleId>,
     /// Those of them that go on as ghosts (modes `constant` and `ballistic`).
     pub freeze: Vec<ParticleId>,
-    /// Recorded particles beyond the exclusion plane, to be taken out; only at multiples of [`HAND_OVER_STEPS`].
+    /// Recorded particles beyond the exclusion plane, to be taken out; only at hand-overs.
     pub exclude: Vec<ParticleId>,
-    /// Particles to be taken out by their fate; only at multiples of [`HAND_OVER_STEPS`].
+    /// Particles to be taken out by their fate; only at hand-overs.
     pub delete: Vec<ParticleId>,
     /// Why the run must end, by the fate of a particle.
     pub error: Option<String>,
@@ -69,6 +76,9 @@ pub struct Recorder {
     role: Role,
     gravity: Vec3,
     timestep: f64,
+    cadence: Cadence,
+    /// Periods of the domain along x, y, z [m], where it has them.
+    periods: [Option<f64>; 3],
     /// Distance before the plane within which particles are kept in the table [m].
     band: f64,
     /// From a centre to the passing point, per radius.
@@ -114,7 +124,7 @@ struct Fresh {
 impl Approach {
     /// Adds the present motion to the path if it is to be stored. Before the gate's first crossing (`started` false) only the newest
     /// motions are kept.
-    fn prolong(&mut self, paths: Option<PathRecording>, started: bool) {
+    fn prolong(&mut self, paths: Option<PathRecording>, cadence: Cadence, started: bool) {
         let Some(paths) = paths else { return };
         if self.distance < -paths.length {
             self.path.clear();
@@ -122,7 +132,7 @@ impl Approach {
             if self.path.is_empty() {
                 self.path_start = self.step;
             }
-            if !started && self.path.len() >= motions_before_first_crossing(paths.every) {
+            if !started && self.path.len() >= motions_before_first_crossing(cadence, paths.every) {
                 self.path.remove(0);
                 self.path_start += paths.every;
             }
@@ -132,17 +142,22 @@ impl Approach {
 }
 
 impl Recorder {
-    /// A recorder of `gate` for a run with `gravity` [m/s2] and `timestep` [s] whose largest particle has `largest_diameter` [m].
+    /// A recorder of `gate` for a run with `gravity` [m/s2] and `timestep` [s] whose largest particle has `largest_diameter` [m];
+    /// it is shown the particles at every look of `cadence`, whose `hand_over` is a multiple of its `look`.
     #[must_use]
-    pub fn new(gate: &Gate, role: Role, gravity: Vec3, timestep: f64, largest_diameter: f64) -> Self {
+    pub fn new(gate: &Gate, role: Role, gravity: Vec3, timestep: f64, largest_diameter: f64, cadence: Cadence) -> Self {
         let path_length = gate.paths.map_or(0.0, |paths| paths.length);
+        // Nothing moves a quarter of a diameter in a time step, or a diameter between two looks; so nobody comes over the plane
+        // unseen.
+        let travel = if cadence.look == 1 { 0.25 * largest_diameter } else { largest_diameter };
         let down = gravity.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
         Self {
             role,
             gravity,
             timestep,
-            // Nothing moves a quarter of a diameter in a time step; so nobody comes over the plane unseen.
-            band: path_length.max(0.25 * largest_diameter),
+            cadence,
+            periods: [None; 3],
+            band: path_length.max(travel),
             to_passing_point: match gate.passage {
                 PassingPoint::Centre => Vec3::zeros(),
                 PassingPoint::LowestPoint => down,
@@ -154,8 +169,22 @@ impl Recorder {
             looked: false,
             tally: RecordTally::default(),
             profile: FreeFlowProfile::new(gate.exclusion.length, largest_diameter),
-            gate: gate.clone(),
+            gate: Gate { paths: stored_paths(gate.paths, cadence), ..gate.clone() },
         }
+    }
+
+    /// The same recorder in a domain with `periods` along x, y, z [m]: a particle may leave it at one side and come in at the
+    /// other between two looks.
+    #[must_use]
+    pub fn with_periods(mut self, periods: [Option<f64>; 3]) -> Self {
+        self.periods = periods;
+        self
+    }
+
+    /// Distance before the plane within which particles are followed [m].
+    #[must_use]
+    pub const fn band(&self) -> f64 {
+        self.band
     }
 
     /// Distances of the passing point from the plane [m] within which particles matter after time step `step`, when nothing
@@ -172,7 +201,7 @@ impl Recorder {
     pub fn view(&self, step: u64) -> Option<RangeInclusive<f64>> {
         let anywhere = self.tally.returned > 0;
         let from = if anywhere { f64::NEG_INFINITY } else { *self.zone().start() };
-        step.is_multiple_of(HAND_OVER_STEPS).then_some(from..=f64::INFINITY)
+        step.is_multiple_of(self.cadence.hand_over).then_some(from..=f64::INFINITY)
     }
 
     /// How far the point that passes lies from the centre along the plane's normal, per radius.
@@ -181,11 +210,12 @@ impl Recorder {
         self.to_passing_point.dot(&self.gate.plane.normal)
     }
 
-    /// Looks at particles after time step `step`, at all that [`Recorder::view`] asks for at least; to be called after every one.
+    /// Looks at particles after time step `step`, at all that [`Recorder::view`] asks for at least; to be called at every look of
+    /// the cadence.
     pub fn look(&mut self, step: u64, particles: impl Iterator<Item = Seen>) -> Look {
         let mut look = Look::default();
         self.fresh.clear();
-        let handing_over = step.is_multiple_of(HAND_OVER_STEPS);
+        let handing_over = step.is_multiple_of(self.cadence.hand_over);
         // The point of passage lies a fixed share of the radius along the normal.
         let reach = self.passing_point();
         let far = self.gate.exclusion.length;
@@ -214,17 +244,17 @@ impl Recorder {
         // Nobody is in both tables; most of those seen here have been seen here before.
         let approach = if distance < -self.band { None } else { self.before.get_mut(&seen.id) };
         if let Some(approach) = approach {
-            if approach.step + 1 < step {
+            if approach.step + self.cadence.look < step {
                 // It was away: the path that was begun then is not this one.
                 approach.path.clear();
             }
             (approach.step, approach.distance, approach.motion) = (step, distance, seen.motion);
-            approach.prolong(self.gate.paths, self.tally.recorded > 0);
+            approach.prolong(self.gate.paths, self.cadence, self.tally.recorded > 0);
         } else if self.after.contains_key(&seen.id) {
             self.see_returned(step, seen, distance, look);
         } else if distance >= -self.band {
             let mut approach = Approach { step, distance, motion: seen.motion, path: Vec::new(), path_start: step };
-            approach.prolong(self.gate.paths, self.tally.recorded > 0);
+            approach.prolong(self.gate.paths, self.cadence, self.tally.recorded > 0);
             self.before.insert(seen.id, approach);
         }
     }
@@ -242,8 +272,10 @@ impl Recorder {
             return;
         }
         match self.before.remove(&seen.id) {
-            Some(approach) if approach.step + 1 == step => self.pass(step, seen, distance, approach, look),
-            // It has not been seen in the time step before: whatever it did, it did not pass here just now.
+            Some(approach) if approach.step + self.cadence.look == step => {
+                self.pass(step, seen, distance, approach, look)
+            }
+            // It has not been seen at the last look: whatever it did, it did not pass here just now.
             Some(_) | None => self.see_sitting(step, seen, handing_over, look),
         }
     }
@@ -255,6 +287,13 @@ impl Recorder {
         let passage = if distance == 0.0 {
             let Motion { position, velocity, spin, .. } = *new;
             Passage { time: step as f64 * self.timestep, position, velocity, spin }
+        } else if self.cadence.look > 1 {
+            let interval = self.cadence.look as f64 * self.timestep;
+            let start = (step - self.cadence.look) as f64 * self.timestep;
+            let new = passage::unwrapped(old, new, interval, &self.periods);
+            let ends = [(approach.distance, along(&old.velocity)), (distance, along(&new.velocity))];
+            let tau = passage::first_root(ends, interval);
+            passage::state_between(old, &new, tau, interval, start + tau)
         } else {
             let (speed, acceleration) = (along(&old.velocity), along(&old.acceleration));
             let tau = passage::substep(approach.distance, speed, acceleration, self.timestep);
@@ -341,6 +380,11 @@ impl Recorder {
             self.sitting.remove(&id);
             self.tally.lost_after_crossing += u64::from(self.after.remove(&id).is_some());
         }
+    }
+
+    /// Particles that have been recorded and have not left the run as far as is known, in no order.
+    pub fn gone_through(&self) -> impl Iterator<Item = ParticleId> {
+        self.after.keys().copied()
     }
 
     /// What has been counted.

@@ -26,7 +26,7 @@ fn gate() -> Gate {
 }
 
 fn recorder(gate: &Gate, role: Role) -> Recorder {
-    Recorder::new(gate, role, GRAVITY, TIMESTEP, DIAMETER)
+    Recorder::new(gate, role, GRAVITY, TIMESTEP, DIAMETER, Cadence::NATIVE)
 }
 
 fn id(serial: u64) -> ParticleId {
@@ -129,7 +129,7 @@ fn the_passage_is_of_second_order_at_least() {
     let rate = 30.0_f64;
     let true_time = (-0.02_f64 / 0.05).acos() / rate;
     let errors = |timestep: f64| {
-        let mut watch = Recorder::new(&gate(), Role::HandOver, GRAVITY, timestep, DIAMETER);
+        let mut watch = Recorder::new(&gate(), Role::HandOver, GRAVITY, timestep, DIAMETER, Cadence::NATIVE);
         for step in 0.. {
             let motion = swinging(step as f64 * timestep);
             let look = watch.look(step, [Seen { id: id(1), radius: 0.05, motion }].into_iter());

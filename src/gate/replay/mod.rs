@@ -1,9 +1,12 @@
 //! The replayer: brings a stream's crossings into a stage as ghosts that become ordinary particles.
 //!
-//! Where stream and stage have the same time step, the stream is native, and it is neither moved nor timed by creation, the replay
+//! Where stream and stage have the same time step and backend, and the stream is neither moved nor timed by creation, the replay
 //! is exact: a particle is released at its crossing's own time step (shifted by whole ones) with the stored bits. Where it is
 //! only moved, the same, up to the round-off of the move. In every other case it is released at the first time step at or
 //! after its passage, with the passage moved on to it.
+//!
+//! A stage that looks at its gates every few time steps only ([`Cadence`]) releases at looks: what should be released between
+//! two of them is released at the later one, moved on to it, and ghosts that no record leads head for that.
 //!
 //! Chunks of the stream are read when the first of their ghosts is due; what is due much later is read again then. So only
 //! what is near in time is held.
@@ -13,6 +16,7 @@ mod supply;
 #[cfg(test)]
 mod tests;
 
+use super::Cadence;
 use super::crossing::{Crossing, Motion, StoredContact};
 use super::id_map::IdMap;
 use crate::geometry::plane::GatePlane;
@@ -51,8 +55,8 @@ pub struct StreamFacts {
     pub first_passage: f64,
     /// Plant time of the last passage [s].
     pub last_passage: f64,
-    /// True for a stream of our own solver, whose grid states are its states bit for bit.
-    pub native: bool,
+    /// True where the solver that recorded the stream also computes the stage, so that its grid states are states of that solver.
+    pub same_backend: bool,
     /// First and last time step of each chunk.
     pub chunks: Vec<(u64, u64)>,
     /// Number of feed numbers that the stream uses: the distance between the identities of two loops.
@@ -68,6 +72,8 @@ pub struct ReplayStage {
     pub gravity: Vec3,
     /// Body of the particles.
     pub body: Body,
+    /// Time steps at which ghosts can enter and be released.
+    pub cadence: Cadence,
     /// Added to the feed numbers of the stream's particles; 0 keeps their identities.
     pub feed_offset: u32,
     /// Largest diameter of the stream's particles [m].
@@ -292,23 +298,21 @@ impl Replayer {
         {
             self.releases.pop_first();
             if let Some(ghost) = self.ghosts.remove(&id) {
-                releases.push(self.released(ghost, step));
+                releases.push(self.released(ghost));
                 self.tally.released += 1;
             }
         }
         releases
     }
 
-    fn released(&self, ghost: Ghost, step: u64) -> Release {
-        let Crossing { state, force, torque, contacts, .. } = &ghost.crossing;
-        if self.table.on_grid() {
-            let exact = self.is_exact();
-            return Release { state: *state, force: *force, torque: *torque, contacts: contacts.clone(), exact };
-        }
-        let (motion, force, torque) = self.table.released(&ghost.crossing, &ghost.times, ghost.shift, step as i64);
+    fn released(&self, ghost: Ghost) -> Release {
+        let (motion, force, torque) = self.table.released(&ghost.crossing, &ghost.times);
+        let exact = self.table.is_exact()
+            && self.table.releases_stored(&ghost.crossing, &ghost.times)
+            && self.table.replay.path != PathMode::Compliant;
         let Motion { position, velocity, spin, .. } = motion;
-        let state = ParticleState { position, velocity, spin, ..*state };
-        Release { state, force, torque, contacts: ghost.crossing.contacts, exact: false }
+        let state = ParticleState { position, velocity, spin, ..ghost.crossing.state };
+        Release { state, force, torque, contacts: ghost.crossing.contacts, exact }
     }
 
     /// Where a recorded or compliant ghost is on its path at time step `step`; `None` for other ghosts, which the solver moves,
@@ -322,10 +326,21 @@ impl Replayer {
         Some(self.table.motion(&ghost.crossing, &ghost.times, ghost.shift, step as i64))
     }
 
+    /// Where a ghost is at time step `step` at or before its release: on its way, and at the release itself in the state that it
+    /// will have then; `None` for particles that are no ghosts.
+    #[must_use]
+    pub fn motion_to_release(&self, id: ParticleId, step: u64) -> Option<Motion> {
+        let ghost = self.ghosts.get(&id)?;
+        if step >= ghost.release {
+            return Some(self.table.released(&ghost.crossing, &ghost.times).0);
+        }
+        Some(self.table.motion(&ghost.crossing, &ghost.times, ghost.shift, step as i64))
+    }
+
     /// True where every release has the stored bits.
     #[must_use]
     pub fn is_exact(&self) -> bool {
-        self.table.is_exact() && self.table.replay.path != PathMode::Compliant
+        self.table.is_exact() && self.supply.releases_stored() && self.table.replay.path != PathMode::Compliant
     }
 
     /// True when nothing is left to come: no ghost is on its way.

@@ -1,7 +1,6 @@
 //! When a crossing's ghost enters, and when it becomes an ordinary particle.
 
 use super::{ReplayStage, StreamFacts};
-use crate::gate::HAND_OVER_STEPS;
 use crate::gate::crossing::{Crossing, Motion};
 use crate::gate::ghost::{self, Anchor, Entry, RecordedPath, StreamTime};
 use crate::math::Vec3;
@@ -65,7 +64,7 @@ impl Timetable {
 
     /// True where the stored grid states are states of this stage's time steps.
     pub(super) fn on_grid(&self) -> bool {
-        self.same_steps() && self.facts.native && self.replay.timing == Timing::Arrival
+        self.same_steps() && self.facts.same_backend && self.replay.timing == Timing::Arrival
     }
 
     pub(super) fn is_exact(&self) -> bool {
@@ -90,23 +89,34 @@ impl Timetable {
     /// Times of a crossing that has gone through the transform, before any shift.
     pub(super) fn times(&self, crossing: &Crossing) -> Times {
         let dt = self.stage.timestep;
-        let (lead, begins) = self.lead(crossing);
+        let (lead, begins) = self.lead(crossing, || self.anchor(crossing));
         let stored = crossing.passage.time;
         let passage = match self.replay.timing {
             Timing::Arrival => stored,
             Timing::Creation => stored + lead,
         };
-        let release = if self.on_grid() { crossing.step as i64 } else { first_step_at(passage, dt) };
-        let entry = if self.on_grid() { release as f64 - lead / dt } else { (passage - lead) / dt };
-        Times { entry: entry.min((release - 1) as f64), release, passage, begins }
+        let arrival = if self.on_grid() { crossing.step as i64 } else { first_step_at(passage, dt) };
+        let release = next_multiple(arrival, self.stage.cadence.look);
+        let mut times = Times { entry: 0.0, release, passage, begins };
+        times.entry = if self.heads_for_release() && !self.follows_record() {
+            let (lead, begins) = self.lead(crossing, || self.release_anchor(crossing, &times));
+            times.begins = begins;
+            release as f64 - lead / dt
+        } else if self.on_grid() {
+            arrival as f64 - lead / dt
+        } else {
+            (passage - lead) / dt
+        };
+        times.entry = times.entry.min((release - 1) as f64);
+        times
     }
 
     /// Time from the entry to the anchor [s], and how the path begins.
-    fn lead(&self, crossing: &Crossing) -> (f64, Begins) {
+    fn lead(&self, crossing: &Crossing, anchor: impl FnOnce() -> Anchor) -> (f64, Begins) {
         if self.follows_record() {
             return self.recorded_lead(crossing);
         }
-        let anchor = self.anchor(crossing);
+        let anchor = anchor();
         let way = self.replay.length + self.distance(&anchor.position, crossing.state.radius);
         let speed = anchor.velocity.dot(&self.plane.1);
         let entry = match self.replay.path {
@@ -134,7 +144,18 @@ impl Timetable {
         ((end - start as f64) * self.facts.timestep, begins)
     }
 
-    /// What a constant or ballistic ghost heads for: the grid state where that is one of this stage, or else the passage.
+    /// True where a constant or ballistic ghost heads for its state at the release instead of its passage: where the release is
+    /// the grid state, and where the way from the passage to the release is that of many time steps.
+    fn heads_for_release(&self) -> bool {
+        self.on_grid() || self.stage.cadence.look > 1
+    }
+
+    fn release_anchor(&self, crossing: &Crossing, times: &Times) -> Anchor {
+        let Motion { position, velocity, spin, .. } = self.released(crossing, times).0;
+        Anchor { position, velocity, spin }
+    }
+
+    /// The grid state where that is one of this stage, or else the passage.
     fn anchor(&self, crossing: &Crossing) -> Anchor {
         let (state, passage) = (&crossing.state, &crossing.passage);
         if self.on_grid() {
@@ -169,26 +190,27 @@ impl Timetable {
             return self.path(crossing).motion(self.stream_time(step, shift));
         }
         let dt = self.stage.timestep;
-        let lead = if self.on_grid() {
-            (times.release + shift - step) as f64 * dt
+        let (anchor, lead) = if self.heads_for_release() {
+            (self.release_anchor(crossing, times), (times.release + shift - step) as f64 * dt)
         } else {
-            times.passage - (step - shift) as f64 * dt
+            (self.anchor(crossing), times.passage - (step - shift) as f64 * dt)
         };
         match self.replay.path {
-            PathMode::Ballistic => ghost::ballistic(&self.anchor(crossing), lead, &self.stage.gravity),
-            _ => ghost::constant(&self.anchor(crossing), lead),
+            PathMode::Ballistic => ghost::ballistic(&anchor, lead, &self.stage.gravity),
+            _ => ghost::constant(&anchor, lead),
         }
     }
 
     /// The look at which the ghost is put in: the last one before its path reaches the generation zone, but not before a recorded
     /// path begins, always before its release, and never before the start.
     pub(super) fn look(&self, crossing: &Crossing, times: &Times, shift: i64) -> i64 {
-        let before_release = floor_look(times.release + shift - 1);
+        let between = self.stage.cadence.hand_over;
+        let before_release = floor_multiple(times.release + shift - 1, between);
         let entry = times.entry.floor() as i64;
-        let mut look = floor_look(entry.saturating_add(shift));
+        let mut look = floor_multiple(entry.saturating_add(shift), between);
         if times.begins == Begins::PathStart {
             let covered = self.stream_time(look, shift).step >= crossing.path_start as i64;
-            look += if covered { 0 } else { HAND_OVER_STEPS as i64 };
+            look += if covered { 0 } else { between as i64 };
         }
         look.min(before_release).max(self.stage.start_step as i64)
     }
@@ -207,12 +229,23 @@ impl Timetable {
         (near.max(look)..release).find(|&step| is_within(step)).unwrap_or(release)
     }
 
-    /// State, contact force and torque at the release at time step `step`, where no stored state is one of this stage: the passage moved on to
-    /// that time. Without contacts known it falls freely in between, else under the stored force, which then goes on acting.
-    pub(super) fn released(&self, crossing: &Crossing, times: &Times, shift: i64, step: i64) -> (Motion, Vec3, Vec3) {
-        let later = (step - shift) as f64 * self.stage.timestep - times.passage;
-        let known = if crossing.contacts.is_empty() { 0.0 } else { 1.0 };
+    /// True where the stored grid state is that of the release.
+    pub(super) fn releases_stored(&self, crossing: &Crossing, times: &Times) -> bool {
+        self.on_grid() && times.release == crossing.step as i64
+    }
+
+    /// State, contact force and torque at the release. Where the stored grid state is one of this stage, it is that or, between
+    /// two looks, that moved on to the look under the stored force. Else it is the passage moved on to that time: without contacts
+    /// known it falls freely in between, else under the stored force, which then goes on acting.
+    pub(super) fn released(&self, crossing: &Crossing, times: &Times) -> (Motion, Vec3, Vec3) {
         let end = self.path(crossing).end();
+        if self.on_grid() {
+            let late = times.release - crossing.step as i64;
+            let motion = if late == 0 { end } else { ghost::advanced(&end, late as f64 * self.stage.timestep) };
+            return (motion, crossing.force, crossing.torque);
+        }
+        let later = times.release as f64 * self.stage.timestep - times.passage;
+        let known = if crossing.contacts.is_empty() { 0.0 } else { 1.0 };
         let passage = &crossing.passage;
         let gravity = self.stage.body.in_plane(&self.stage.gravity);
         let start = Motion {
@@ -226,10 +259,14 @@ impl Timetable {
     }
 }
 
-/// The last multiple of [`HAND_OVER_STEPS`] at or before `step`.
-pub(super) fn floor_look(step: i64) -> i64 {
-    let between = HAND_OVER_STEPS as i64;
-    step.div_euclid(between).saturating_mul(between)
+/// The last multiple of `of` at or before `step`.
+pub(super) const fn floor_multiple(step: i64, of: u64) -> i64 {
+    step.div_euclid(of as i64).saturating_mul(of as i64)
+}
+
+/// The first multiple of `of` at or after `step`.
+pub(super) const fn next_multiple(step: i64, of: u64) -> i64 {
+    floor_multiple(step.saturating_add(of as i64 - 1), of)
 }
 
 /// The first time step at or after `time` [s].

@@ -1,8 +1,8 @@
 //! What comes when: the chunks of a stream, read when they are needed, loop by loop.
 
-use super::schedule::{Timetable, first_step_at, floor_look};
+use super::schedule::{Timetable, first_step_at, floor_multiple, next_multiple};
 use super::{CrossingSource, Ghost, ReplayStage, ReplayTally, StreamFacts};
-use crate::gate::HAND_OVER_STEPS;
+use crate::gate::Cadence;
 use crate::gate::crossing::{ContactPartner, Crossing, Passage};
 use crate::geometry::plane::GatePlane;
 use crate::math::Vec3;
@@ -26,6 +26,9 @@ pub(super) struct Supply {
     /// Time steps of the stage by which the first loop is shifted, and the distance between two loops.
     shift: i64,
     period: i64,
+    hand_over: u64,
+    /// Whether all crossings have their release, before any shift, at their own time step.
+    stored: bool,
     crossings: u64,
     outside_window: u64,
     loops: u64,
@@ -52,7 +55,7 @@ pub(super) struct Delivery {
 
 impl Supply {
     pub(super) fn new(mut source: Box<dyn CrossingSource>, table: &Timetable) -> Result<Self, StorageError> {
-        let (mut crossings, mut outside_window) = (0, 0);
+        let (mut crossings, mut outside_window, mut stored) = (0, 0, true);
         let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut earliest = Vec::with_capacity(source.chunk_count());
         for index in 0..source.chunk_count() {
@@ -65,21 +68,43 @@ impl Supply {
                 }
                 first = first.min(crossing.passage.time);
                 last = last.max(crossing.passage.time);
-                let entry = table.times(&moved(table, crossing)).entry.floor() as i64;
+                let crossing = moved(table, crossing);
+                let times = table.times(&crossing);
+                stored &= table.releases_stored(&crossing, &times);
+                let entry = times.entry.floor() as i64;
                 chunk_earliest = Some(chunk_earliest.map_or(entry, |earliest| earliest.min(entry)));
             }
             earliest.push(chunk_earliest);
         }
-        let dt = table.stage.timestep;
+        let (dt, Cadence { look, hand_over }) = (table.stage.timestep, table.stage.cadence);
         let shift = match table.replay.clock {
-            Clock::FirstPassage if first.is_finite() => -((first / dt).floor() as i64),
+            Clock::FirstPassage if first.is_finite() => -floor_multiple((first / dt).floor() as i64, look),
             Clock::FirstPassage | Clock::Plant => 0,
         };
-        // Whole time steps, so that every loop is as exact as the first.
-        let period = if first.is_finite() { first_step_at(last - first + table.replay.gap, dt).max(1) } else { 1 };
+        // Whole looks, so that every loop is as exact as the first.
+        let between = if first.is_finite() { first_step_at(last - first + table.replay.gap, dt).max(1) } else { 1 };
+        let period = next_multiple(between, look);
         let (loops, start) = (table.replay.loops, table.stage.start_step as i64);
         let (queue, next_loop) = (BTreeSet::new(), 0);
-        Ok(Self { source, earliest, shift, period, crossings, outside_window, loops, start, queue, next_loop })
+        Ok(Self {
+            source,
+            earliest,
+            shift,
+            period,
+            hand_over,
+            stored,
+            crossings,
+            outside_window,
+            loops,
+            start,
+            queue,
+            next_loop,
+        })
+    }
+
+    /// True where all crossings inside the window are released with their stored states.
+    pub(super) const fn releases_stored(&self) -> bool {
+        self.stored
     }
 
     /// Begins again; what is known at the beginning of the tally.
@@ -118,7 +143,7 @@ impl Supply {
     }
 
     fn clipped(&self, entry: i64) -> i64 {
-        floor_look(entry).max(self.start)
+        floor_multiple(entry, self.hand_over).max(self.start)
     }
 
     /// The look at which something has to be read.
@@ -135,7 +160,7 @@ impl Supply {
             let (first, last) = table.facts.chunks.get(chunk).copied().unwrap_or((0, 0));
             let ratio = table.facts.timestep / table.stage.timestep;
             let ahead = (last.saturating_sub(first) as f64 * ratio / 2.0) as i64;
-            let until = step as i64 + ahead.max(LOOKS_AHEAD * HAND_OVER_STEPS as i64);
+            let until = step as i64 + ahead.max(LOOKS_AHEAD * self.hand_over as i64);
             let crossings = self.source.chunk(chunk)?;
             self.queue.pop_first();
             let first_time = self.is_first(from, round, chunk);

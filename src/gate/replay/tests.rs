@@ -1,6 +1,6 @@
 use super::*;
-use crate::gate::HAND_OVER_STEPS;
 use crate::gate::crossing::{ContactPartner, Passage};
+use crate::gate::{Cadence, HAND_OVER_STEPS};
 use crate::geometry::plane::Aperture;
 use crate::math::vec3;
 use crate::scene::gate::{BackingUp, Clock, Fate, StreamSource, Timing};
@@ -82,7 +82,7 @@ fn facts(crossings: &[Crossing], chunks: &[Vec<Crossing>]) -> StreamFacts {
         every: Some(4),
         first_passage: times().fold(f64::INFINITY, f64::min),
         last_passage: times().fold(0.0, f64::max),
-        native: true,
+        same_backend: true,
         chunks: chunks.iter().map(|chunk| (chunk[0].step, chunk[chunk.len() - 1].step)).collect(),
         namespace: 3,
     }
@@ -118,6 +118,7 @@ fn stage() -> ReplayStage {
         timestep: DT,
         gravity: GRAVITY,
         body: Body::Sphere,
+        cadence: Cadence::NATIVE,
         feed_offset: 0,
         largest_diameter: 2.0 * RADIUS,
         start_step: 0,
@@ -129,18 +130,18 @@ struct Case {
     crossings: Vec<Crossing>,
     replay: Replay,
     stage: ReplayStage,
-    native: bool,
+    same_backend: bool,
 }
 
 impl Case {
     fn new(crossings: Vec<Crossing>, replay: Replay) -> Self {
-        Self { crossings, replay, stage: stage(), native: true }
+        Self { crossings, replay, stage: stage(), same_backend: true }
     }
 
     fn try_open(&self) -> Result<(Replayer, Rc<Cell<usize>>), StorageError> {
         let chunks: Vec<Vec<Crossing>> = self.crossings.chunks(7).map(<[_]>::to_vec).collect();
         let reads = Rc::new(Cell::new(0));
-        let facts = StreamFacts { native: self.native, ..facts(&self.crossings, &chunks) };
+        let facts = StreamFacts { same_backend: self.same_backend, ..facts(&self.crossings, &chunks) };
         let source = Box::new(Chunks { chunks, reads: Rc::clone(&reads) });
         Ok((Replayer::new(source, facts, &self.replay, self.stage)?, reads))
     }
@@ -313,7 +314,8 @@ fn another_time_step_passes_at_the_stored_time() {
             assert_relative_eq!(release.state.position, there.position, epsilon = 1e-14);
             assert_relative_eq!(release.state.velocity, there.velocity, epsilon = 1e-13);
         }
-        let grid = Case { native: false, crossings: crossings(), replay: case.replay.clone(), stage: stage() }.open();
+        let grid =
+            Case { same_backend: false, crossings: crossings(), replay: case.replay.clone(), stage: stage() }.open();
         assert!(!grid.is_exact(), "a foreign stream has no grid states of this solver");
     }
 }

@@ -1,6 +1,7 @@
 //! From the tree to typed parts of a scene. What is wrong goes to the report; what is right goes on, so that rules
 //! between keys can still be checked.
 
+mod backends;
 mod gates;
 mod materials;
 mod outputs;
@@ -23,6 +24,7 @@ use crate::geometry::part::{AtRest, Part, Trigger};
 use crate::material::{Material, PairProperties};
 use crate::math::{Vec3, vec3};
 use crate::particle::{Body, ParticleClass};
+use crate::scene::backend::{BackendName, LiggghtsSettings};
 use std::path::{Path, PathBuf};
 
 /// The only version of the scene format so far.
@@ -84,6 +86,8 @@ pub(super) struct Draft {
     pub measures: Vec<Located<MeasureDraft>>,
     pub gates: Vec<Located<Gate>>,
     pub stages: stages::Stages,
+    pub backend: BackendName,
+    pub liggghts: LiggghtsSettings,
     pub start_checkpoint: Option<PathBuf>,
     /// Names of feeds, parts, gates, stages and measures as given, with their places: also of those that did not resolve.
     pub names: Vec<Name>,
@@ -172,6 +176,8 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
         measures: outputs::measures(&reader, &mut names),
         gates,
         stages,
+        backend: backends::backend(&reader).unwrap_or_default(),
+        liggghts: backends::liggghts(&reader, base),
         start_checkpoint: reader.text("start_checkpoint").map(|path| base.join(path)),
         names,
     };

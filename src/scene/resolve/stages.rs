@@ -1,6 +1,7 @@
 //! `[[stage]]` and `[[stage.replay]]`: what a stage consists of and how streams enter it; or the series of stages that the
 //! gates imply.
 
+use super::backends::backend;
 use super::gates::{FATES, default_length};
 use super::outputs::end_conditions;
 use super::regions::rotation;
@@ -91,6 +92,7 @@ fn series(known: &Known<'_>) -> Vec<Located<StageOutline>> {
             records: next.map(|_| after).into_iter().collect(),
             replays: before.map(replay).into_iter().collect(),
             end: None,
+            backend: None,
         };
         // What is wrong with an implied stage is said where the gate stands that begins it.
         let path = before.map_or(&first.path, |(_, gate)| &gate.path).clone();
@@ -118,10 +120,11 @@ fn stage(
     let replays: Vec<Replay> = tables.into_iter().filter_map(|table| replay(table, context, known)).collect();
     complete &= replays.len() == count;
     let end = reader.table("end", "end").and_then(end_conditions);
+    let backend = backend(&reader);
     complete &= end.is_some() || !reader.has("end");
     reader.finish();
     let records = records.unwrap_or_default();
-    (name.map(|name| StageOutline { name, parts, feeds, records, replays, end }), complete)
+    (name.map(|name| StageOutline { name, parts, feeds, records, replays, end, backend }), complete)
 }
 
 impl Known<'_> {

@@ -22,6 +22,7 @@ mod gate_recorder;
 mod gate_unused;
 mod ghost_zone;
 mod interval_below_timestep;
+mod liggghts_cadence;
 mod measure_outside_domain;
 mod measure_upstream;
 mod no_feed;
@@ -103,6 +104,7 @@ const RULES: &[Rule] = &[
     gate_unused::check,
     ghost_zone::check,
     interval_below_timestep::check,
+    liggghts_cadence::check,
     measure_outside_domain::check,
     measure_upstream::check,
     no_feed::check,

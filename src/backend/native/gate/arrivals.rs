@@ -2,6 +2,7 @@
 
 use super::pressure::{Pressure, PressureState};
 use crate::backend::BackendError;
+use crate::backend::incoming::{self, Solver};
 use crate::backend::native::NAME;
 use crate::backend::stage::{ReplayOrder, ReplayResult};
 use crate::dem::ghost::PrescribedMotion;
@@ -12,26 +13,19 @@ use crate::dem::release::Arrival;
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::tether::TetherLaw;
-use crate::gate::HAND_OVER_STEPS;
-use crate::gate::crossing::{ContactPartner, Crossing, Motion, StoredContact};
-use crate::gate::ledger::{ArrivalBook, Exception, Histories};
-use crate::gate::quality::judge;
-use crate::gate::record::RecordTally;
-use crate::gate::replay::{CrossingSource, Due, Release, ReplayStage, Replayer, StreamFacts};
+use crate::gate::Cadence;
+use crate::gate::crossing::{ContactPartner, Motion, StoredContact};
+use crate::gate::ledger::{ArrivalBook, Bars, Histories};
+use crate::gate::replay::{Due, Release, Replayer};
 use crate::gate::stream::format::{Manifest, StoredEvent};
-use crate::gate::stream::reader::StreamReader;
-use crate::gate::stream::transform::Placement;
 use crate::geometry::plane::GatePlane;
 use crate::math::Vec3;
-use crate::particle::{Body, ParticleId, ParticleState};
+use crate::particle::{Body, ParticleId};
 use crate::scene::Scene;
-use crate::scene::gate::{BackingUp, Fate, PathMode, Replay};
-use crate::storage::StorageError;
+use crate::scene::gate::{BackingUp, Fate, PathMode};
 use crate::storage::columns::{ColumnReader, ColumnWriter};
 use serde::{Deserialize, Serialize};
-use std::cell::Cell;
 use std::collections::HashMap;
-use std::path::PathBuf;
 
 /// Stiffness of a tether, w2 c / |g|: a force of ten times the weight displaces a particle by 0.68 c, the root of x + x^3 = 1.
 const TETHER_WEIGHTS: f64 = 10.0;
@@ -39,10 +33,8 @@ const TETHER_WEIGHTS: f64 = 10.0;
 /// A stream on its way into a run.
 #[derive(Debug)]
 pub struct Arrivals {
-    name: String,
-    stream: PathBuf,
-    feed_offset: u32,
-    replay: Replay,
+    order: ReplayOrder,
+    manifest: Manifest,
     replayer: Replayer,
     events: Vec<StoredEvent>,
     plane: GatePlane,
@@ -75,34 +67,18 @@ impl Arrivals {
         simulation: &Simulation,
         held: Option<&ColumnReader>,
     ) -> Result<Self, BackendError> {
-        let reader = StreamReader::open(&order.stream)?;
-        let manifest = reader.manifest().clone();
+        let timestep = simulation.setup().timestep;
+        let (manifest, replayer) =
+            incoming::open(scene, order, Solver { backend: NAME, timestep, cadence: Cadence::NATIVE })?;
         let own_part = |name: &String| scene.parts.iter().position(|part| part.name == *name).map(|index| index as u16);
         let diameter = scene.largest_diameter();
-        let stage = ReplayStage {
-            timestep: simulation.setup().timestep,
-            gravity: scene.gravity,
-            body: scene.body,
-            feed_offset: order.feed_offset,
-            largest_diameter: diameter,
-            start_step: 0,
-            transform: |transform, crossing| {
-                if transform.is_identity() { crossing } else { Placement::from(transform).crossing(&crossing) }
-            },
-        };
         let plane = order.replay.transform.plane(&manifest.origin.plane);
-        let materials = manifest.material_numbers(&scene.materials);
-        let source = StoredStream { reader, materials };
-        let replayer = Replayer::new(Box::new(source), facts(&manifest), &order.replay, stage)?;
         let mut arrivals = Self {
-            name: order.name.clone(),
-            stream: order.stream.clone(),
-            feed_offset: order.feed_offset,
             tether: TetherLaw {
                 frequency_squared: TETHER_WEIGHTS * scene.gravity.norm() / order.replay.compliance,
                 compliance: order.replay.compliance,
             },
-            replay: order.replay.clone(),
+            order: order.clone(),
             replayer,
             events: manifest.events.clone(),
             plane,
@@ -111,6 +87,7 @@ impl Arrivals {
             book: ArrivalBook::default(),
             pressure: Pressure::new(&order.name, plane, diameter, scene.gravity.norm(), upstream_overlap(&manifest)),
             body: scene.body,
+            manifest,
             arrived: HashMap::new(),
             left_upstream: 0,
         };
@@ -124,7 +101,7 @@ impl Arrivals {
         let prefix = self.prefix();
         let text = reader.attribute_text(&format!("{prefix}progress"))?;
         let progress: Progress = serde_json::from_str(text).map_err(|error| {
-            BackendError::Checkpoint(format!("the state of stream '{}' cannot be used: {error}", self.name))
+            BackendError::Checkpoint(format!("the state of stream '{}' cannot be used: {error}", self.order.name))
         })?;
         self.book = progress.book;
         self.pressure.restore(progress.pressure);
@@ -153,12 +130,12 @@ impl Arrivals {
 
     /// Name under which the state stands in a checkpoint.
     fn prefix(&self) -> String {
-        format!("replay.{}.{}.", self.feed_offset, self.name)
+        format!("replay.{}.{}.", self.order.feed_offset, self.order.name)
     }
 
     /// True while ghosts are on paths that somebody must tell the solver.
     pub const fn steers(&self) -> bool {
-        matches!(self.replay.path, PathMode::Recorded | PathMode::Compliant)
+        matches!(self.order.replay.path, PathMode::Recorded | PathMode::Compliant)
     }
 
     /// Where a ghost of this stream is at `step`.
@@ -179,7 +156,7 @@ impl Arrivals {
     /// Looks up what is due, and brings in ghosts.
     pub fn insert_due(&mut self, simulation: &mut Simulation, step: u64) -> Result<(), BackendError> {
         self.due = self.replayer.due(step)?;
-        let path = match self.replay.path {
+        let path = match self.order.replay.path {
             PathMode::Constant => Path::Constant,
             PathMode::Ballistic => Path::Ballistic,
             PathMode::Recorded | PathMode::Compliant => Path::Recorded,
@@ -196,7 +173,7 @@ impl Arrivals {
         simulation.tether(&due.tether, self.tether);
         if !due.release.is_empty() {
             let ids: Vec<ParticleId> = due.release.iter().map(|release| release.state.id).collect();
-            if self.replay.path == PathMode::Compliant {
+            if self.order.replay.path == PathMode::Compliant {
                 simulation.untether(&ids);
             }
             let arrivals: Vec<Arrival> = due.release.iter().map(|release| self.arrival(release)).collect();
@@ -208,18 +185,18 @@ impl Arrivals {
             });
             for wanted in due.release.iter().map(|release| &release.state) {
                 match simulation.loaded_state(wanted.id) {
-                    Some((now, ..)) => self.book.arrived(wanted, &now, self.body),
+                    Some((now, ..)) => self.book.arrived(wanted, &now, Bars::NONE, self.body),
                     None => self.book.lost(wanted.id),
                 }
             }
             self.arrived.extend(ids.into_iter().map(|id| (id, false)));
         }
-        if step.is_multiple_of(HAND_OVER_STEPS) && !self.arrived.is_empty() {
+        if step.is_multiple_of(Cadence::NATIVE.hand_over) && !self.arrived.is_empty() {
             self.look_back(simulation)?;
             if let Some(backed_up) = self.pressure.look(simulation)
-                && self.replay.backing_up == BackingUp::Stop
+                && self.order.replay.backing_up == BackingUp::Stop
             {
-                return Err(stopped(simulation, &self.name, &backed_up.words));
+                return Err(stopped(simulation, &self.order.name, &backed_up.words));
             }
         }
         Ok(())
@@ -247,7 +224,7 @@ impl Arrivals {
     fn look_back(&mut self, simulation: &mut Simulation) -> Result<(), BackendError> {
         let mut back: Vec<(ParticleId, Vec3)> = Vec::new();
         for view in simulation.views() {
-            if self.plane.distance(&view.position) < -self.replay.length && self.arrived.contains_key(&view.id) {
+            if self.plane.distance(&view.position) < -self.order.replay.length && self.arrived.contains_key(&view.id) {
                 back.push((view.id, view.position));
             }
         }
@@ -256,7 +233,7 @@ impl Arrivals {
             let gone = self.arrived.entry(*id).or_default();
             self.left_upstream += u64::from(!std::mem::replace(gone, true));
         }
-        match (self.replay.leaving, back.first()) {
+        match (self.order.replay.leaving, back.first()) {
             (Fate::Keep, _) | (_, None) => Ok(()),
             (Fate::Delete, Some(_)) => {
                 let ids: Vec<ParticleId> = back.iter().map(|(id, _)| *id).collect();
@@ -268,7 +245,7 @@ impl Arrivals {
             }
             (Fate::Error, Some((id, place))) => Err(stopped(
                 simulation,
-                &self.name,
+                &self.order.name,
                 &format!(
                     "particle {} of feed {} went back upstream beyond the generation plane, to ({:.6}, {:.6}, {:.6}) m; move \
                      the gate to where nothing comes back, or set `leaving` of the replay to \"keep\" or \"delete\"",
@@ -284,55 +261,16 @@ impl Arrivals {
 
     /// Compares what arrived with what the stream holds, and passes on what came of the replay.
     pub fn finish(self) -> Result<ReplayResult, BackendError> {
-        let reader = StreamReader::open(&self.stream)?;
-        let manifest = reader.manifest().clone();
-        let namespace = manifest.origin.feeds.len() as u32;
         let finished = self.replayer.is_finished();
-        let placement = Placement::from(&self.replay.transform);
-        let damage = &Cell::new(None);
-        let recorded = (0..self.replay.loops.max(1)).flat_map(|turn| {
-            let offset = self.feed_offset + turn as u32 * namespace;
-            let excuse = |time: f64| {
-                let [from, until] = self.replay.window;
-                match () {
-                    () if time < from || time > until => Some(Exception::OutsideWindow),
-                    () if !finished => Some(Exception::OnItsWay),
-                    () => None,
-                }
-            };
-            reader.crossings().map_while(move |crossing| match crossing {
-                Ok(Crossing { state, passage, .. }) => {
-                    let id = ParticleId::new(state.id.feed() + offset, state.id.serial());
-                    Some((ParticleState { id, ..placement.state(&state) }, excuse(passage.time)))
-                }
-                Err(error) => {
-                    damage.set(Some(error));
-                    None
-                }
-            })
-        });
-        let arrivals = self.book.close(recorded, self.body);
-        if let Some(error) = damage.take() {
-            return Err(error.into());
-        }
+        let arrivals = incoming::account(&self.order, self.book, finished, self.body)?;
         let (overlaps, backed_up) = self.pressure.finish();
-        let tally = manifest.quality.get("recorded").cloned();
-        let tally: Option<RecordTally> = tally.and_then(|value| serde_json::from_value(value).ok());
-        let crossings = manifest.quality.get("crossings").cloned();
-        let crossings = crossings.and_then(|value| serde_json::from_value(value).ok());
-        let quality = match (tally, crossings, manifest.origin.exclusion) {
-            (Some(tally), Some(crossings), Some(exclusion)) => {
-                Some(judge(crossings, &tally, overlaps, exclusion.mode, self.replay.path))
-            }
-            _ => None,
-        };
         Ok(ReplayResult {
-            name: self.name,
+            quality: incoming::judged(&self.manifest, overlaps, self.order.replay.path),
             exact: self.replayer.is_exact(),
             tally: self.replayer.tally(),
-            replay: self.replay,
+            name: self.order.name,
+            replay: self.order.replay,
             arrivals,
-            quality,
             backed_up,
             left_upstream: self.left_upstream,
         })
@@ -349,46 +287,6 @@ fn stopped(simulation: &Simulation, stream: &str, what: &str) -> BackendError {
         what: format!("stream '{stream}': {what}"),
         time: simulation.time(),
         steps: simulation.steps_done(),
-    }
-}
-
-/// A stored stream with the scene's numbers of materials.
-#[derive(Debug)]
-struct StoredStream {
-    reader: StreamReader,
-    materials: Vec<Option<u16>>,
-}
-
-impl CrossingSource for StoredStream {
-    fn chunk_count(&self) -> usize {
-        self.reader.chunk_count()
-    }
-
-    fn chunk(&mut self, index: usize) -> Result<Vec<Crossing>, StorageError> {
-        let mut crossings = self.reader.chunk(index)?;
-        for crossing in &mut crossings {
-            let own = self.materials.get(usize::from(crossing.state.material)).copied().flatten();
-            crossing.state.material = own.ok_or_else(|| {
-                StorageError::unusable(self.reader.place(), "it has particles of a material that the scene lacks")
-            })?;
-        }
-        Ok(crossings)
-    }
-}
-
-fn facts(manifest: &Manifest) -> StreamFacts {
-    let origin = &manifest.origin;
-    let range = manifest.counts.range;
-    StreamFacts {
-        plane: origin.plane,
-        passage: origin.passage,
-        timestep: origin.timestep,
-        every: origin.paths.map(|paths| paths.every),
-        first_passage: range.map_or(0.0, |range| range.first_time),
-        last_passage: range.map_or(0.0, |range| range.last_time),
-        native: origin.backend == NAME && origin.provenance.is_empty(),
-        chunks: manifest.chunks.iter().map(|chunk| (chunk.range.first_step, chunk.range.last_step)).collect(),
-        namespace: origin.feeds.len() as u32,
     }
 }
 

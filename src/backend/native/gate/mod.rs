@@ -21,6 +21,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recording::Recording;
 
+/// Radii within which a ghost's contact counts as near a particle: four diameters, a squeezed layer's thickness.
+const REACH: f64 = 8.0;
+
 /// Everything that a run does at its gates.
 #[derive(Debug)]
 pub struct HandOver {
@@ -80,33 +83,46 @@ impl HandOver {
         Ok(())
     }
 
-    /// What the watchdog's stop has to do with ghosts: an overlap beyond its limit between a ghost and an ordinary particle.
+    /// What the watchdog's stop has to do with ghosts: an overlap beyond its limit between a ghost and an ordinary particle, or
+    /// between ordinary particles that ghosts press on.
     pub fn squeezed(&self, simulation: &Simulation, stop: &Stop) -> Option<BackendError> {
         if self.arrivals.is_empty() || stop.cause != StopCause::DeepOverlap {
             return None;
         }
+        let limit = simulation.setup().overlap_limit;
         let contacts = simulation.ghost_pressure();
         let deepest = contacts.iter().max_by(|a, b| a.overlap_ratio.total_cmp(&b.overlap_ratio))?;
-        if deepest.overlap_ratio < simulation.setup().overlap_limit {
-            return None;
-        }
-        let (ghost, resident, place) = (deepest.ghost, deepest.resident, deepest.point);
+        let what = if deepest.overlap_ratio < limit {
+            // Two ordinary particles: an affair of the gate only where ghosts press on what is about them.
+            let place = simulation.views().find(|view| Some(view.id) == stop.particle)?;
+            let reach = REACH * place.radius;
+            let pressing = contacts.iter().filter(|contact| (contact.point - place.position).norm() < reach).count();
+            if pressing == 0 {
+                return None;
+            }
+            format!("{}, with {pressing} contacts of ghosts within {:.1} mm of it", stop.what, 1e3 * reach)
+        } else {
+            let (ghost, resident, place) = (deepest.ghost, deepest.resident, deepest.point);
+            format!(
+                "a ghost (particle {} of feed {}, {:.3} m/s) was driven {:.1} % of the smaller radius (limit {:.1} %) into particle {} of feed {} \
+                 ({:.3} m/s) at ({:.6}, {:.6}, {:.6}) m",
+                ghost.serial(),
+                ghost.feed(),
+                deepest.ghost_velocity.norm(),
+                100.0 * deepest.overlap_ratio,
+                100.0 * limit,
+                resident.serial(),
+                resident.feed(),
+                deepest.resident_velocity.norm(),
+                place.x,
+                place.y,
+                place.z,
+            )
+        };
         let what = format!(
-            "a ghost (particle {} of feed {}, {:.3} m/s) was driven {:.1} % of the smaller radius (limit {:.1} %) into particle {} of feed {} \
-             ({:.3} m/s) at ({:.6}, {:.6}, {:.6}) m, {:.6} s: what arrives finds no room beyond the gate. either the downstream backs \
-             up to it, which a replay cannot follow: put the gate farther upstream, or compute these stages together (run --whole); or \
-             ghosts follow a past that the particles did not have: use path \"recorded\" or \"compliant\" and mode \"buffer\"",
-            ghost.serial(),
-            ghost.feed(),
-            deepest.ghost_velocity.norm(),
-            100.0 * deepest.overlap_ratio,
-            100.0 * simulation.setup().overlap_limit,
-            resident.serial(),
-            resident.feed(),
-            deepest.resident_velocity.norm(),
-            place.x,
-            place.y,
-            place.z,
+            "{what}, {:.6} s: what arrives finds no room beyond the gate. either the downstream backs up to it, which a replay cannot \
+             follow: put the gate farther upstream, or compute these stages together (run --whole); or ghosts follow a past that the \
+             particles did not have: use path \"recorded\" or \"compliant\" and mode \"buffer\"",
             stop.time,
         );
         Some(BackendError::Gate { what, time: stop.time, steps: stop.step })

@@ -1,7 +1,8 @@
 //! A gate that is recorded.
 
 use crate::backend::BackendError;
-use crate::backend::native::{NAME, NUMERICS_VERSION, feed_numbers};
+use crate::backend::native::{NAME, NUMERICS_VERSION};
+use crate::backend::recording::{self, Computed};
 use crate::backend::stage::{RecordResult, StageRequest};
 use crate::dem::held_contact::HeldContact;
 use crate::dem::inspect::Partner;
@@ -10,30 +11,23 @@ use crate::dem::particles::Path;
 use crate::dem::removal::RemovalCause;
 use crate::dem::simulation::Simulation;
 use crate::dem::view::{NearPlane, ParticleView, PlaneDistance};
+use crate::gate::Cadence;
 use crate::gate::crossing::{ContactPartner, Motion, Seen, StoredContact};
 use crate::gate::quality::CrossingStatistics;
-use crate::gate::record::{Recorder, RecorderState, Role};
+use crate::gate::record::{Recorder, RecorderState};
 use crate::gate::stream::columns::{columns, from_columns};
-use crate::gate::stream::format;
-use crate::gate::stream::format::{Origin, StoredEvent};
-use crate::gate::stream::writer::{Closing, StreamWriter};
+use crate::gate::stream::format::StoredEvent;
+use crate::gate::stream::writer::StreamWriter;
 use crate::scene::Scene;
 use crate::scene::gate::{ExclusionMode, Gate};
 use crate::stage::split;
 use crate::storage::StorageError;
 use crate::storage::columns::{ColumnReader, ColumnWriter, read_all};
-use serde_json::json;
-use std::fs;
-
-/// Paths are stored from so many largest diameters farther upstream than asked for: a ghost enters up to
-/// [`crate::gate::HAND_OVER_STEPS`] before it reaches the generation plane.
-const ENTRY_MARGIN: f64 = 0.25;
 
 /// A gate that is recorded.
 #[derive(Debug)]
 pub struct Recording {
-    gate: Gate,
-    observes: bool,
+    order: split::Recording,
     recorder: Recorder,
     statistics: CrossingStatistics,
     writer: StreamWriter,
@@ -51,29 +45,25 @@ impl Recording {
         simulation: &Simulation,
         held: Option<&ColumnReader>,
     ) -> Result<Self, BackendError> {
-        let gate = order.gate.clone();
-        let role = if order.observes { Role::Observe } else { Role::HandOver };
+        let gate = &order.gate;
         let timestep = simulation.setup().timestep;
-        let mut watched = gate.clone();
-        if let Some(paths) = &mut watched.paths {
-            paths.length += ENTRY_MARGIN * scene.largest_diameter();
-        }
-        let mut recorder = Recorder::new(&watched, role, scene.gravity, timestep, scene.largest_diameter());
-        // The generation zone is the replay's; the path's length, or else that of the exclusion zone, stands for it.
-        let length = gate.paths.map_or(gate.exclusion.length, |paths| paths.length);
-        let mut statistics = CrossingStatistics::new(gate.plane.normal, &scene.gravity, scene.body, length);
-        let place = request.folder.join("streams").join(&gate.name);
-        let origin = origin(scene, order, request, simulation)?;
+        let mut recorder = recording::recorder(scene, order, timestep, Cadence::NATIVE);
+        let mut statistics = recording::statistics(scene, gate);
+        let place = recording::stream_place(request, gate);
+        let computed = Computed {
+            backend: NAME,
+            version: env!("CARGO_PKG_VERSION"),
+            numerics_version: NUMERICS_VERSION,
+            timestep,
+            cadence: Cadence::NATIVE,
+            contacts: true,
+            laws: &laws(scene),
+        };
+        let origin = recording::origin(scene, order, request, &computed)?;
         let writer = match held {
-            None => {
-                // Left by a run into this folder that was killed before it could say that it was done.
-                if place.exists() {
-                    fs::remove_dir_all(&place).map_err(|source| StorageError::system("remove", &place, source))?;
-                }
-                StreamWriter::create(&place, origin)?
-            }
+            None => recording::start_stream(&place, origin)?,
             Some(reader) => {
-                let prefix = prefix(&gate);
+                let prefix = prefix(gate);
                 let path = request.folder;
                 let state = recorder_state(reader, &prefix)?;
                 recorder.restore(&state).map_err(|reason| unusable(&gate.name, &reason))?;
@@ -85,15 +75,7 @@ impl Recording {
         };
         let plane = PlaneDistance::new(&gate.plane.point, &gate.plane.normal, recorder.passing_point());
         let zone = NearPlane::new(plane, recorder.zone());
-        Ok(Self {
-            gate,
-            observes: order.observes,
-            recorder,
-            statistics,
-            writer,
-            zone,
-            left: simulation.removed().len(),
-        })
+        Ok(Self { order: order.clone(), recorder, statistics, writer, zone, left: simulation.removed().len() })
     }
 
     /// Looks at all particles after a time step.
@@ -117,7 +99,7 @@ impl Recording {
             self.statistics.add(&crossing);
             self.writer.push(crossing)?;
         }
-        match self.gate.exclusion.mode {
+        match self.order.gate.exclusion.mode {
             ExclusionMode::Constant => simulation.prescribe(&look.freeze, Path::Constant),
             ExclusionMode::Ballistic => simulation.prescribe(&look.freeze, Path::Ballistic),
             ExclusionMode::Buffer => {}
@@ -136,7 +118,7 @@ impl Recording {
 
     /// Puts its state into a checkpoint.
     pub fn save(&self, writer: &mut ColumnWriter) {
-        let prefix = prefix(&self.gate);
+        let prefix = prefix(&self.order.gate);
         let state = self.recorder.state();
         for (name, column) in state.reals {
             writer.column(&format!("{prefix}{name}"), column);
@@ -170,11 +152,7 @@ impl Recording {
         let mut events: Vec<StoredEvent> = events.collect();
         events.extend(upstream.iter().filter(|event| parts.iter().all(|part| part.name != event.part)).cloned());
         events.sort_by(|a, b| a.time.total_cmp(&b.time));
-        let crossings = self.statistics.figures();
-        let quality = json!({"recorded": tally, "crossings": crossings, "free_flow": tally.free_flow});
-        let closing = Closing { events, quality };
-        let manifest = if ended { Some(self.writer.finish(closing)?) } else { None };
-        Ok(RecordResult { gate: self.gate, observed: self.observes, tally, crossings, manifest })
+        recording::close(self.order, tally, &self.statistics, self.writer, events, ended)
     }
 }
 
@@ -205,52 +183,14 @@ fn recorder_state(reader: &ColumnReader, prefix: &str) -> Result<RecorderState, 
     Ok(state)
 }
 
-fn origin(
-    scene: &Scene,
-    order: &split::Recording,
-    request: &StageRequest,
-    simulation: &Simulation,
-) -> Result<Origin, StorageError> {
-    let gate = &order.gate;
+/// What the laws' memories mean, in words.
+fn laws(scene: &Scene) -> String {
     let law = &scene.law;
     let ahead = match law.compatibility {
         Compatibility::Tollgate => "memories stand half a time step ahead of the grid state",
         Compatibility::Liggghts => "memories stand at the grid state",
     };
-    Ok(Origin {
-        gate: gate.name.clone(),
-        plane: gate.plane,
-        passage: gate.passage,
-        gravity: scene.gravity,
-        exclusion: (!order.observes).then_some(gate.exclusion),
-        paths: gate.paths,
-        role: if order.observes { format::Role::Observed } else { format::Role::HandOver },
-        stage: request.stage.to_owned(),
-        stage_key: request.key.to_owned(),
-        backend: NAME.to_owned(),
-        backend_version: env!("CARGO_PKG_VERSION").to_owned(),
-        numerics_version: NUMERICS_VERSION,
-        timestep: simulation.setup().timestep,
-        materials: scene.materials.materials.clone(),
-        contacts: true,
-        part_names: scene.parts.iter().map(|part| part.name.clone()).collect(),
-        body: scene.body,
-        feeds: feed_names(scene, request)?,
-        laws: format!("{:?}, tangential {:?}, rolling {:?}; {ahead}", law.normal, law.tangential, law.rolling),
-        provenance: Vec::new(),
-    })
-}
-
-/// Names of feeds by number; those that particles of replayed streams have beyond the scene's own bear the stream's name.
-fn feed_names(scene: &Scene, request: &StageRequest) -> Result<Vec<String>, StorageError> {
-    let mut names: Vec<String> = scene.feeds.iter().map(|feed| feed.name.clone()).collect();
-    let own = feed_numbers(scene)? as usize;
-    (names.len()..own).for_each(|number| names.push(format!("start {number}")));
-    for order in request.replays {
-        let end = (order.feed_offset + order.feed_numbers) as usize;
-        (names.len()..end).for_each(|number| names.push(format!("{} {number}", order.name)));
-    }
-    Ok(names)
+    format!("{:?}, tangential {:?}, rolling {:?}; {ahead}", law.normal, law.tangential, law.rolling)
 }
 
 fn seen(view: &ParticleView) -> Seen {
