@@ -31,12 +31,12 @@ pub fn run(arguments: &Arguments) -> u8 {
     let calibration = native::calibrate::calibrate(&scene, &first, threads);
     let (json, text, is_refused) = if scene.stages.is_empty() {
         let mut plan = plan::plan(&scene, calibration);
-        plan.backends.push(liggghts::verdict(&scene, &[]));
+        plan.backends.push(liggghts::verdict(&scene, &[], &[]));
         (serde_json::to_string_pretty(&plan), plan.to_text(), plan.is_refused())
     } else {
         let mut plan = SplitPlan::of(&scene, calibration);
         for (stage, job) in plan.stages.iter_mut().zip(stage_jobs(&scene)) {
-            stage.backends.push(liggghts::verdict(&job.scene, &job.replays));
+            stage.backends.push(liggghts::verdict(&job.scene, &job.records, &job.replays));
         }
         (serde_json::to_string_pretty(&plan), plan.to_text(), plan.is_refused())
     };

@@ -1,23 +1,40 @@
 //! Whether LIGGGHTS can compute a stage, from what decks can be rendered for.
 
-use super::parameters;
+use super::{deck, parameters};
 use crate::plan::choose::{self, BackendVerdict, Capabilities, Requirement};
 use crate::scene::Scene;
 use crate::scene::gate::{PathMode, Replay};
+use crate::stage::split::Recording;
 
-/// The verdict on a stage that replays `replays`, or on a whole scene. That a binary is installed is asked when it is to run.
+/// All that LIGGGHTS cannot do of a stage, each with its reason and what to do.
 #[must_use]
-pub fn verdict(scene: &Scene, replays: &[Replay]) -> BackendVerdict {
+pub fn refusals<'a>(
+    scene: &Scene,
+    records: &[Recording],
+    replays: impl IntoIterator<Item = &'a Replay>,
+) -> Vec<String> {
+    let mut found = deck::refusals(scene, records);
+    found.extend(parameters::models(&scene.law, &scene.materials).err().unwrap_or_default());
+    let mut lacks = |requirement: Requirement, asked: bool| {
+        if asked {
+            found.push(format!("LIGGGHTS lacks {}, or use the native solver", requirement.words()));
+        }
+    };
+    lacks(Requirement::EnergyBudget, scene.output.energy);
+    lacks(Requirement::CompliantGhosts, replays.into_iter().any(|replay| replay.path == PathMode::Compliant));
+    found
+}
+
+/// The verdict on a stage. Whether a binary is installed is asked when it is to run.
+#[must_use]
+pub fn verdict(scene: &Scene, records: &[Recording], replays: &[Replay]) -> BackendVerdict {
     let mut verdict = choose::verdict(scene, &Capabilities::liggghts());
     let yields = replays.iter().any(|replay| replay.path == PathMode::Compliant);
     if yields && !verdict.missing.contains(&Requirement::CompliantGhosts) {
         verdict.missing.push(Requirement::CompliantGhosts);
     }
-    // Laws and materials say more of themselves: which pair, which value.
-    let of_laws = [Requirement::MixedStiffness, Requirement::IncrementalTangentialLaw];
-    let others = verdict.missing.iter().filter(|need| !of_laws.contains(need));
-    verdict.reasons = others.map(|need| need.words().to_owned()).collect();
-    verdict.reasons.extend(parameters::models(&scene.law, &scene.materials).err().unwrap_or_default());
+    let of_stages = scene.stages.iter().flat_map(|stage| &stage.replays);
+    verdict.reasons = refusals(scene, records, of_stages.chain(replays));
     verdict
 }
 
@@ -34,7 +51,7 @@ mod tests {
             settings.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
         let (scene, _) = crate::scene::read_text(SCENE, "scene.toml", Path::new("."), &settings)
             .unwrap_or_else(|findings| panic!("{findings:?}"));
-        verdict(&scene, &[])
+        verdict(&scene, &[], &[])
     }
 
     #[test]
@@ -79,7 +96,7 @@ mod tests {
             backing_up: BackingUp::Warn,
             compliance: 0.001,
         };
-        let verdict = verdict(&scene, &[replay]);
+        let verdict = verdict(&scene, &[], &[replay]);
         assert_eq!(verdict.missing, [Requirement::CompliantGhosts]);
         assert!(verdict.reasons[0].contains("path = \"recorded\""));
     }

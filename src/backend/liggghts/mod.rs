@@ -4,15 +4,12 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
-<<<<<<< HEAD
 mod capability;
-=======
 mod collect;
 pub mod deck;
 mod explain;
 pub mod feeds;
 pub mod launch;
->>>>>>> main
 pub mod parameters;
 pub mod probe;
 mod processes;
@@ -24,15 +21,11 @@ mod series;
 pub mod tags;
 mod watch;
 
-<<<<<<< HEAD
-pub use capability::verdict;
-
-=======
 use crate::backend::BackendError;
->>>>>>> main
 use crate::gate::Cadence;
 use crate::scene::backend::LiggghtsSettings;
 use crate::storage::StorageError;
+pub use capability::{refusals, verdict};
 pub use run::{Rendered, render, run};
 use serde_json::{Value, json};
 
