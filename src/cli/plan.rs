@@ -1,8 +1,9 @@
 //! `tollgate plan`: what follows from a scene.
 
 use super::{SceneArguments, print};
-use tollgate::backend::native;
+use tollgate::backend::{liggghts, native};
 use tollgate::plan::{self, stages::SplitPlan};
+use tollgate::stage::split::stage_jobs;
 use tollgate::{exit_code, scene};
 
 #[derive(Debug, clap::Args)]
@@ -29,10 +30,14 @@ pub fn run(arguments: &Arguments) -> u8 {
     let first = plan::plan(&scene, None);
     let calibration = native::calibrate::calibrate(&scene, &first, threads);
     let (json, text, is_refused) = if scene.stages.is_empty() {
-        let plan = plan::plan(&scene, calibration);
+        let mut plan = plan::plan(&scene, calibration);
+        plan.backends.push(liggghts::verdict(&scene, &[], &[]));
         (serde_json::to_string_pretty(&plan), plan.to_text(), plan.is_refused())
     } else {
-        let plan = SplitPlan::of(&scene, calibration);
+        let mut plan = SplitPlan::of(&scene, calibration);
+        for (stage, job) in plan.stages.iter_mut().zip(stage_jobs(&scene)) {
+            stage.backends.push(liggghts::verdict(&job.scene, &job.records, &job.replays));
+        }
         (serde_json::to_string_pretty(&plan), plan.to_text(), plan.is_refused())
     };
     if arguments.json {

@@ -202,6 +202,15 @@ fn wall_lever(scene: &ContactScene, radius: f64, overlap: f64) -> f64 {
     }
 }
 
+/// Relative spin that the rolling laws see at a part [rad/s]; LIGGGHTS leaves the part's out and stretches the particle's by the
+/// ratio of lever arm and distance.
+fn rolling_spin(scene: &ContactScene, walls: &Walls, point: &WallPoint, spin: &Vec3, stretch: f64) -> Vec3 {
+    match scene.law.settings.compatibility {
+        Compatibility::Tollgate => spin - walls.spin(point.part),
+        Compatibility::Liggghts => spin * stretch,
+    }
+}
+
 fn touch_part(scene: &ContactScene, walls: &Walls, index: usize, point: &WallPoint) -> Touch {
     let (sphere, velocity) = (&scene.spheres[index], &scene.velocities[index]);
     let spin = Vec3::from(velocity.angular);
@@ -211,7 +220,7 @@ fn touch_part(scene: &ContactScene, walls: &Walls, index: usize, point: &WallPoi
         overlap: point.overlap,
         velocity: Vec3::from(velocity.linear) - walls.surface_velocity(point.part, &point.point, &point.normal),
         lever_spin: spin * lever,
-        relative_spin: spin - walls.spin(point.part),
+        relative_spin: rolling_spin(scene, walls, point, &spin, lever / (sphere.radius - point.overlap)),
         effective_radius: sphere.radius,
         effective_mass: 1.0 / velocity.inverse_mass,
         inverse_inertia: velocity.inverse_mass / (scene.inertia_factor * sphere.radius * sphere.radius),

@@ -8,6 +8,8 @@ use crate::geometry::part::{Surface, Trigger};
 use crate::material::{PairContact, PairProperties};
 use crate::particle::{Body, SizeDistribution};
 use crate::scene::Scene;
+use crate::scene::backend::BackendName;
+use crate::scene::gate::PathMode;
 use serde::Serialize;
 
 /// Something a scene requires that a backend may not have.
@@ -58,11 +60,13 @@ pub enum Requirement {
     Checkpoints,
     /// An energy budget.
     EnergyBudget,
+    /// Replays whose ghosts yield on their recorded paths.
+    CompliantGhosts,
 }
 
 impl Requirement {
     /// Every requirement there is.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::LinearLaw,
         Self::HertzMindlinLaw,
         Self::DirectStiffness,
@@ -85,7 +89,47 @@ impl Requirement {
         Self::ContinuousSizes,
         Self::Checkpoints,
         Self::EnergyBudget,
+        Self::CompliantGhosts,
     ];
+
+    /// What a scene asks for with it, and what may be done where a backend does not have it.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::LinearLaw => "the linear law; use contact.law = \"hertz-mindlin\"",
+            Self::HertzMindlinLaw => "the Hertz-Mindlin law; use contact.law = \"linear\"",
+            Self::DirectStiffness => "stiffnesses in N/m; give Young's modulus and restitution",
+            Self::MixedStiffness => {
+                "stiffnesses in N/m for some pairs and from Young's modulus for others; give all in one way"
+            }
+            Self::IncrementalTangentialLaw => {
+                "a tangential force accumulated step by step; use contact.tangential = \"total\""
+            }
+            Self::Attraction => {
+                "normal forces that may attract at the end of a contact; use contact.attraction = false"
+            }
+            Self::CdtRolling => "rolling resistance by a constant directional torque; use another contact.rolling",
+            Self::Epsd2Rolling => "rolling resistance by an elastic-plastic spring; use another contact.rolling",
+            Self::PlaneProblem => "discs in a plane; use spheres in a thin slice between two frictionless walls",
+            Self::PeriodicBorders => "periodic borders; use open ones and walls",
+            Self::Meshes => "triangle meshes; use planes, cylinders and cones",
+            Self::Frustums => "exact cylinders and cones; use STL files",
+            Self::MovingParts => "parts that move; let them stand still",
+            Self::Conveyors => "surfaces that move in themselves; let the part move",
+            Self::TimedParts => "parts that appear or disappear at a time; let them stay",
+            Self::RestTriggeredParts => "parts that wait for rest; give a time",
+            Self::MeshFills => "a feed that fills the inside of a mesh; fill a box or cylinder",
+            Self::Streams => "feeds that bring a stream; fill a region at the start",
+            Self::InitialStates => "particles from an initial state; fill a region instead",
+            Self::ContinuousSizes => "normal or lognormal sizes; give a list of diameters",
+            Self::Checkpoints => {
+                "a start from a checkpoint, whose contacts only the native solver knows; start from an initial state (a feed of kind \
+                 \"file\")"
+            }
+            Self::EnergyBudget => "the energy budget; set output.energy = false",
+            Self::CompliantGhosts => "ghosts that yield (path = \"compliant\"); use path = \"recorded\"",
+        }
+    }
 }
 
 /// What a backend can do.
@@ -101,7 +145,22 @@ impl Capabilities {
     /// The native solver: all a scene can ask for.
     #[must_use]
     pub fn native() -> Self {
-        Self { backend: "native".to_owned(), can: Requirement::ALL.to_vec() }
+        Self { backend: BackendName::Native.text().to_owned(), can: Requirement::ALL.to_vec() }
+    }
+
+    /// LIGGGHTS, by what decks are rendered for, installed or not: all but what its laws, its spheres and its accounts lack.
+    #[must_use]
+    pub fn liggghts() -> Self {
+        const LACKS: [Requirement; 6] = [
+            Requirement::MixedStiffness,
+            Requirement::IncrementalTangentialLaw,
+            Requirement::PlaneProblem,
+            Requirement::Checkpoints,
+            Requirement::EnergyBudget,
+            Requirement::CompliantGhosts,
+        ];
+        let can = Requirement::ALL.into_iter().filter(|need| !LACKS.contains(need)).collect();
+        Self { backend: BackendName::Liggghts.text().to_owned(), can }
     }
 }
 
@@ -110,23 +169,27 @@ impl Capabilities {
 pub struct BackendVerdict {
     /// The backend's name.
     pub backend: String,
-    /// What it lacks; empty where it can.
+    /// What it lacks.
     pub missing: Vec<Requirement>,
+    /// Why it cannot, and what to do: a sentence for each thing it lacks, and for each value it does not take; empty where it can.
+    pub reasons: Vec<String>,
 }
 
 impl BackendVerdict {
     /// Whether it can.
     #[must_use]
     pub const fn can(&self) -> bool {
-        self.missing.is_empty()
+        self.missing.is_empty() && self.reasons.is_empty()
     }
 }
 
 /// Whether a backend with `capabilities` can run `scene`, and if not, what is missing.
 #[must_use]
 pub fn verdict(scene: &Scene, capabilities: &Capabilities) -> BackendVerdict {
-    let missing = requirements(scene).into_iter().filter(|need| !capabilities.can.contains(need)).collect();
-    BackendVerdict { backend: capabilities.backend.clone(), missing }
+    let missing: Vec<Requirement> =
+        requirements(scene).into_iter().filter(|need| !capabilities.can.contains(need)).collect();
+    let reasons = missing.iter().map(|need| need.words().to_owned()).collect();
+    BackendVerdict { backend: capabilities.backend.clone(), missing, reasons }
 }
 
 impl Plan {
@@ -165,6 +228,8 @@ pub fn requirements(scene: &Scene) -> Vec<Requirement> {
         need(matches!(feed.kind, FeedKind::Stream { .. }), Requirement::Streams);
         need(matches!(feed.kind, FeedKind::File { .. }), Requirement::InitialStates);
     }
+    let mut replays = scene.stages.iter().flat_map(|stage| &stage.replays);
+    need(replays.any(|replay| replay.path == PathMode::Compliant), Requirement::CompliantGhosts);
     let continuous =
         |size: &SizeDistribution| matches!(size, SizeDistribution::Normal { .. } | SizeDistribution::Lognormal { .. });
     need(scene.classes.iter().any(|class| continuous(&class.diameter)), Requirement::ContinuousSizes);

@@ -91,12 +91,14 @@ impl Plan {
     }
 
     fn backend_rows(&self) -> Vec<[String; 3]> {
-        let row = |verdict: &super::BackendVerdict| {
-            let missing: Vec<String> = verdict.missing.iter().map(|need| format!("{need:?}")).collect();
-            let why = if verdict.can() { String::new() } else { format!("lacks {}", missing.join(", ")) };
-            [verdict.backend.clone(), if verdict.can() { "can" } else { "cannot" }.to_owned(), why]
+        let rows = |verdict: &super::BackendVerdict| {
+            let word = if verdict.can() { "can" } else { "cannot" };
+            let mut reasons = verdict.reasons.iter().cloned();
+            let mut rows = vec![[verdict.backend.clone(), word.to_owned(), reasons.next().unwrap_or_default()]];
+            rows.extend(reasons.map(|reason| [String::new(), String::new(), reason]));
+            rows
         };
-        self.backends.iter().map(row).collect()
+        self.backends.iter().flat_map(rows).collect()
     }
 }
 

@@ -1,7 +1,11 @@
 //! LIGGGHTS as a backend, on the real program: these tests need it and fail where it is missing (`./run-tests` installs it).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod cross;
 mod deck;
 mod doctor;
 mod faults;
 mod launching;
+mod recording;
+mod replay;
+mod suite;

@@ -4,6 +4,7 @@
 //! All gate logic is that of [`crate::gate`]: crossings are found by the same recorder in samples every M time steps, ghosts are
 //! timed by the same replayer. What LIGGGHTS does is to move the particles.
 
+mod capability;
 mod collect;
 pub mod deck;
 mod explain;
@@ -24,6 +25,7 @@ use crate::backend::BackendError;
 use crate::gate::Cadence;
 use crate::scene::backend::LiggghtsSettings;
 use crate::storage::StorageError;
+pub use capability::{refusals, verdict};
 pub use run::{Rendered, render, run};
 use serde_json::{Value, json};
 

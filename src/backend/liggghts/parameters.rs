@@ -124,7 +124,7 @@ fn refusals(law: &LawSettings, materials: &MaterialTable) -> Vec<String> {
         }
     } else if let (Some(direct), NormalLaw::HertzMindlin) = (&direct, law.normal) {
         faults.push(format!(
-            "stiffnesses in N/m, as given {direct}, belong to contact.normal = \"linear\"; Hertz's law takes Young's modulus"
+            "stiffnesses in N/m, as given {direct}, belong to contact.law = \"linear\"; Hertz's law takes Young's modulus"
         ));
     }
     faults
@@ -356,7 +356,7 @@ mod tests {
         let text = found.properties.join("\n");
         assert!(text.contains("gamman_abs peratomtypepair 2 &\n    0.02 0.02 &\n    0.02 0"), "{text}");
         assert!(!text.contains("youngsModulus"), "{text}");
-        assert!(refused(&LAW, &table).contains("belong to contact.normal = \"linear\""));
+        assert!(refused(&LAW, &table).contains("belong to contact.law = \"linear\""));
     }
 
     #[test]

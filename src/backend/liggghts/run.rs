@@ -5,7 +5,7 @@ use super::deck::{self, DeckOrder};
 use super::launch::{self, Event, Launch, Outcome};
 use super::record::Recordings;
 use super::replay::{self, Prepared};
-use super::{Schedule, probe};
+use super::{Schedule, probe, refusals};
 use crate::backend::BackendError;
 use crate::backend::stage::{StageRequest, StageResult};
 use crate::gate::Cadence;
@@ -40,7 +40,7 @@ pub fn render(scene: &Scene, plan: &Plan, request: &StageRequest, case: &Path) -
     let timestep = plan.timestep.chosen;
     let steps = ((scene.end.time / timestep - 1e-6).ceil() as u64).next_multiple_of(cadence.hand_over);
     let schedule = Schedule { timestep, cadence, steps };
-    let refusals = deck::refusals(scene, request.records);
+    let refusals = refusals(scene, request.records, request.replays.iter().map(|order| &order.replay));
     if !refusals.is_empty() {
         return Err(BackendError::Incapable(format!(
             "LIGGGHTS cannot compute stage '{}':\n  {}",
@@ -100,7 +100,7 @@ pub fn run(scene: &Scene, plan: &Plan, request: &StageRequest) -> Result<StageRe
     let outcome = launch::run(&launch, &mut |step, events| {
         told += tell(&mut recordings, &events[told..]);
         // The sample of the step that was printed last may be half written.
-        recordings.read_up_to(step.saturating_sub(1))
+        if step > 0 { recordings.read_up_to(step - 1) } else { Ok(()) }
     })?;
     let (finished, ended) = match outcome {
         Outcome::Finished(finished) => (finished, true),
