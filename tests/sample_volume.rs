@@ -126,7 +126,10 @@ fn write_contacts(pairs: &mut File, walls: &mut File, sample: u64) {
         .map(|serial| {
             let (x, z) = ((serial % RATE) as f64 * 0.005, height(serial, sample));
             let (i, j) = (serial + 1, serial + 2);
-            format!("{x:.9} 0 {z:.9} {:.9} 0 {z:.9} {i} {j} 0 0.0001 0 0 0 1e-05 0 1.234567e-07 0 0 1e-05 \n", x + 0.004)
+            format!(
+                "{x:.9} 0 {z:.9} {:.9} 0 {z:.9} {i} {j} 0 0.0001 0 0 0 1e-05 0 1.234567e-07 0 0 1e-05 \n",
+                x + 0.004
+            )
         })
         .collect();
     let head = |count: usize| {
@@ -209,8 +212,15 @@ fn a_million_crossings_in_200_mb() {
     let (memory, counts) = (peak_memory(), result.manifest.unwrap().counts);
     let megabytes = bytes as f64 / 1e6;
     let mut text = String::new();
-    writeln!(text, "{CROSSINGS} crossings, {rows} rows in {} samples, {megabytes:.0} MB, {} motions", last + 1, counts.motions).unwrap();
-    writeln!(text, "{used:.2} s of the processor: {:.3} ms per 1000 crossings,", 1e6 * used / CROSSINGS as f64).unwrap();
+    writeln!(
+        text,
+        "{CROSSINGS} crossings, {rows} rows in {} samples, {megabytes:.0} MB, {} motions",
+        last + 1,
+        counts.motions
+    )
+    .unwrap();
+    writeln!(text, "{used:.2} s of the processor: {:.3} ms per 1000 crossings,", 1e6 * used / CROSSINGS as f64)
+        .unwrap();
     write!(text, "{:.3} ms per MB; peak memory {memory:?} bytes", 1e3 * used / megabytes).unwrap();
     eprintln!("{text}");
     // Each row is a contact of i, and of j where it passes at the same sample.

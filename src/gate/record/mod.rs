@@ -145,14 +145,7 @@ impl Recorder {
     /// A recorder of `gate` for a run with `gravity` [m/s2] and `timestep` [s] whose largest particle has `largest_diameter` [m];
     /// it is shown the particles at every look of `cadence`, whose `hand_over` is a multiple of its `look`.
     #[must_use]
-    pub fn new(
-        gate: &Gate,
-        role: Role,
-        gravity: Vec3,
-        timestep: f64,
-        largest_diameter: f64,
-        cadence: Cadence,
-    ) -> Self {
+    pub fn new(gate: &Gate, role: Role, gravity: Vec3, timestep: f64, largest_diameter: f64, cadence: Cadence) -> Self {
         let path_length = gate.paths.map_or(0.0, |paths| paths.length);
         // Nothing moves a quarter of a diameter in a time step, or a diameter between two looks; so nobody comes over the plane
         // unseen.
@@ -279,7 +272,9 @@ impl Recorder {
             return;
         }
         match self.before.remove(&seen.id) {
-            Some(approach) if approach.step + self.cadence.look == step => self.pass(step, seen, distance, approach, look),
+            Some(approach) if approach.step + self.cadence.look == step => {
+                self.pass(step, seen, distance, approach, look)
+            }
             // It has not been seen at the last look: whatever it did, it did not pass here just now.
             Some(_) | None => self.see_sitting(step, seen, handing_over, look),
         }

@@ -265,7 +265,8 @@ impl Wall {
 
     fn stored(&self, meshes: &[(u16, bool)]) -> Result<StoredContact, String> {
         let found = meshes.get(self.mesh as usize);
-        let &(part, own) = found.ok_or_else(|| format!("mesh {} is none of the {} of the deck", self.mesh, meshes.len()))?;
+        let &(part, own) =
+            found.ok_or_else(|| format!("mesh {} is none of the {} of the deck", self.mesh, meshes.len()))?;
         Ok(StoredContact {
             partner: ContactPartner::Part { part, element: if own { self.element } else { 0 } },
             point: self.point,

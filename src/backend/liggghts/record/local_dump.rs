@@ -126,7 +126,11 @@ impl LocalDump {
             return Ok(false);
         }
         if self.line.pop() != Some(b'\n') {
-            let reason = if count as u64 == LONGEST_LINE { "a line is too long" } else { "it ends within a line: it is half written" };
+            let reason = if count as u64 == LONGEST_LINE {
+                "a line is too long"
+            } else {
+                "it ends within a line: it is half written"
+            };
             return Err(self.refuse(self.offset, reason));
         }
         Ok(true)

@@ -102,7 +102,9 @@ impl Sample {
             let name = COLUMNS.split(' ').nth(column).unwrap_or_default();
             let (value, tag) = (values[column], values[0]);
             let at = offset + 8 * column;
-            return Err(format!("{name} of particle {tag} is {value} at byte {at}: the run has blown up, a smaller time step may help"));
+            return Err(format!(
+                "{name} of particle {tag} is {value} at byte {at}: the run has blown up, a smaller time step may help"
+            ));
         }
         let whole = |value: f64, most: f64| value >= 1.0 && value <= most && value.fract() == 0.0;
         if !whole(values[0], f64::from(i32::MAX)) || !whole(values[1], f64::from(u16::MAX)) {
@@ -185,13 +187,19 @@ struct Header {
 impl Header {
     fn parse(bytes: &[u8]) -> Result<Self, String> {
         if bytes.len() < HEADER {
-            return Err(format!("it ends at byte {}, within its header of {HEADER} bytes: it is half written", bytes.len()));
+            return Err(format!(
+                "it ends at byte {}, within its header of {HEADER} bytes: it is half written",
+                bytes.len()
+            ));
         }
         let long = |at: usize| i64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
         let short = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"));
-        let foreign = |what: String, at: usize| format!("{what} at byte {at} is not that of a sample: it is another kind of file");
+        let foreign = |what: String, at: usize| {
+            format!("{what} at byte {at} is not that of a sample: it is another kind of file")
+        };
         let step = long(0);
-        let particles = u64::try_from(long(8)).map_err(|_| foreign(format!("the number of particles {}", long(8)), 8))?;
+        let particles =
+            u64::try_from(long(8)).map_err(|_| foreign(format!("the number of particles {}", long(8)), 8))?;
         if short(16) != 0 {
             return Err(foreign(format!("the kind of box {}", short(16)), 16));
         }

@@ -75,14 +75,7 @@ impl Recording {
         };
         let plane = PlaneDistance::new(&gate.plane.point, &gate.plane.normal, recorder.passing_point());
         let zone = NearPlane::new(plane, recorder.zone());
-        Ok(Self {
-            order: order.clone(),
-            recorder,
-            statistics,
-            writer,
-            zone,
-            left: simulation.removed().len(),
-        })
+        Ok(Self { order: order.clone(), recorder, statistics, writer, zone, left: simulation.removed().len() })
     }
 
     /// Looks at all particles after a time step.
