@@ -295,7 +295,8 @@ impl GateRecording {
             let (tag, kind) = (row.tag, row.kind);
             let (particles, materials) = (world.ids.len(), world.materials);
             let reason = format!(
-                "it holds particle {tag} of type {kind}; there are {particles} particles and {materials} materials: it is of another case; run the stage again"
+                "it holds particle {tag} of type {kind}; there are {particles} particles and {materials} materials: it is of another \
+                 case; run the stage again"
             );
             return Err(StorageError::unusable(path, reason).into());
         }
