@@ -3,7 +3,6 @@
 //!
 //! Not part of the ordinary suite, because it measures: `cargo test --release --test sample_volume -- --ignored --nocapture`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "the figures are what is wanted")]
 
 use std::fmt::Write;
 use std::fs::{self, File};
