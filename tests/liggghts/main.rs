@@ -2,7 +2,10 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod cross;
+mod deck;
 mod doctor;
 mod faults;
 mod launching;
+mod recording;
+mod replay;
 mod suite;

@@ -1,6 +1,7 @@
 //! LIGGGHTS' errors in the user's words, with the line of the deck and what to do.
 
 use super::files;
+use super::screen::beginning;
 use std::collections::VecDeque;
 use std::fs;
 use std::path::Path;
@@ -254,7 +255,7 @@ fn first_words(command: &str) -> String {
 /// Long commands are known by their beginning.
 fn shortened(text: &str) -> String {
     const LIMIT: usize = 200;
-    if text.len() <= LIMIT { text.to_owned() } else { format!("{}...", &text[..text.floor_char_boundary(LIMIT)]) }
+    if text.len() <= LIMIT { text.to_owned() } else { format!("{}...", beginning(text, LIMIT)) }
 }
 
 #[cfg(test)]

@@ -199,10 +199,15 @@ fn command(launch: &Launch, program: &Path) -> Command {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command.env("LC_ALL", "C").env("OMP_NUM_THREADS", "1");
     if launch.ranks > 1 {
-        // Defaults of Open MPI's that an option of the user's overrides: more ranks than cores may be asked for, two runs must not
-        // sit on the same cores, and a rank's guard needs its starter to stay, which is no passing thread.
-        let defaults =
-            [("rmaps_base_oversubscribe", "1"), ("hwloc_base_binding_policy", "none"), ("odls_base_num_threads", "0")];
+        // Defaults of Open MPI's that an option of the user's overrides: more ranks than cores may be asked for; two runs must not
+        // sit on the same cores; a rank that waits must leave its core to others, or ranks on a busy computer take ten times as long;
+        // and a rank's guard needs its starter to stay, which is no passing thread.
+        let defaults = [
+            ("rmaps_base_oversubscribe", "1"),
+            ("hwloc_base_binding_policy", "none"),
+            ("mpi_yield_when_idle", "1"),
+            ("odls_base_num_threads", "0"),
+        ];
         for (name, value) in defaults.map(|(name, value)| (format!("OMPI_MCA_{name}"), value)) {
             if std::env::var_os(&name).is_none() {
                 command.env(name, value);

@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn the_systems_table_is_read_by_its_definition() {
-        let stat = "42 (a ) b) Z 7 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 99 21";
+        let stat = "42 (a ) b) Z 7 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 99 20 21";
         assert_eq!(Process::parse(42, stat), Some(Process { pid: 42, parent: 7, has_ended: true, start: 99 }));
         assert_eq!(Process::parse(42, "42 (a"), None);
     }

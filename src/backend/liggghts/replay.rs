@@ -3,7 +3,9 @@
 //!
 //! Recorded paths and releases are atomfile variables with one section a sample. What was found on the binary (3.8.0):
 //! `group released variable release` takes an atomfile variable, `next` and `set` work in `run .. pre no every M ".."`, sections may
-//! hold 0 lines, `set group ghost_recorded ..` takes an empty group ("0 settings made"), and all of them work before the first `run`.
+//! hold 0 lines, `set group ghost_recorded ..` takes an empty group ("0 settings made") but no empty box ("Set command with no atoms
+//! existing"), and all of them work before the first `run`. A run with an empty box needs a wall of type 1 ("Atom types must start
+//! from 1").
 //! A variable reads its first section where it is defined, and every tag in a section must be present by then: so
 //! [`define`] belongs after the first batch, and sample 0 is [`STEER_SET`] and [`RELEASE`] without the [`STEER_NEXT`] and
 //! [`RELEASE_NEXT`] that all later samples begin with.
@@ -36,9 +38,10 @@ pub const STEERED: [&str; 9] = ["px", "py", "pz", "qx", "qy", "qz", "wx", "wy", 
 pub const RELEASES: &str = "release";
 /// Goes on to the next sample of the paths: only in a case with recorded ghosts, and not at sample 0.
 pub const STEER_NEXT: &str = "next px py pz qx qy qz wx wy wz";
-/// Puts recorded ghosts where they belong: only in a case with recorded ghosts.
-pub const STEER_SET: &str =
-    "set group ghost_recorded x v_px y v_py z v_pz vx v_qx vy v_qy vz v_qz omegax v_wx omegay v_wy omegaz v_wz";
+/// Puts recorded ghosts where they belong: only in a case with recorded ghosts. Without any particle in the box `set` would be an
+/// error; the single quotes let it stand within the double ones of `run .. every`.
+pub const STEER_SET: &str = "if '${present} > 0' then 'set group ghost_recorded x v_px y v_py z v_pz vx v_qx vy v_qy vz v_qz omegax v_wx \
+     omegay v_wy omegaz v_wz'";
 /// Goes on to the next sample of the releases: not at sample 0.
 pub const RELEASE_NEXT: &str = "next release";
 /// Finds the ghosts that are released at this sample and makes them ordinary particles; for every group of ghosts of the case
@@ -59,7 +62,8 @@ pub fn leave(ghosts: &str) -> String {
 #[must_use]
 pub fn define(recorded: bool) -> Vec<String> {
     let steered = STEERED.iter().copied().filter(|_| recorded);
-    steered.chain([RELEASES]).map(|name| format!("variable {name} atomfile {}/{name}", files::PATHS)).collect()
+    let files = steered.chain([RELEASES]).map(|name| format!("variable {name} atomfile {}/{name}", files::PATHS));
+    files.chain(recorded.then(|| "variable present equal count(all)".to_owned())).collect()
 }
 
 /// Kinds of ghosts that a case has.

@@ -100,7 +100,7 @@ pub fn run(scene: &Scene, plan: &Plan, request: &StageRequest) -> Result<StageRe
     let outcome = launch::run(&launch, &mut |step, events| {
         told += tell(&mut recordings, &events[told..]);
         // The sample of the step that was printed last may be half written.
-        recordings.read_up_to(step.saturating_sub(1))
+        if step > 0 { recordings.read_up_to(step - 1) } else { Ok(()) }
     })?;
     let (finished, ended) = match outcome {
         Outcome::Finished(finished) => (finished, true),

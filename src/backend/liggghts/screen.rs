@@ -233,8 +233,12 @@ fn without_source(text: &str) -> &str {
 }
 
 /// At most the first `limit` bytes, whole characters.
-fn beginning(text: &str, limit: usize) -> &str {
-    &text[..text.floor_char_boundary(limit)]
+pub(super) fn beginning(text: &str, limit: usize) -> &str {
+    let mut end = limit.min(text.len());
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    &text[..end]
 }
 
 #[cfg(test)]
@@ -294,6 +298,11 @@ mod tests {
             all(text).1.error(),
             "Mesh (id hop): 1 mesh elements have been lost / left the domain.\nPlease use boundary m"
         );
+    }
+
+    #[test]
+    fn long_lines_are_cut_between_characters() {
+        assert_eq!((beginning("a\u{e4}b", 2), beginning("a\u{e4}b", 3), beginning("ab", 9)), ("a", "a\u{e4}", "ab"));
     }
 
     #[test]

@@ -330,3 +330,59 @@ fn a_restored_recorder_goes_on_bit_for_bit() {
     assert!(recorder(&gate, Role::HandOver).restore(&damaged).is_err());
     assert!(recorder(&gate, Role::HandOver).restore(&RecorderState::default()).is_err());
 }
+
+#[test]
+fn samples_that_lie_apart_give_the_same_crossings_as_all_time_steps() {
+    // Free fall: the polynomial between two samples is the parabola.
+    let cadence = Cadence { look: 20, hand_over: 100 };
+    let timestep = 1e-5;
+    let at = |step: u64| {
+        let time = step as f64 * timestep;
+        let mut one = seen(1, vec3(0.3 * time, 0.0, 0.004 - 0.5 * 9.81 * time * time));
+        one.motion.velocity = vec3(0.3, 0.0, -9.81 * time);
+        one
+    };
+    let gate = Gate { paths: Some(PathRecording { every: 30, length: 0.002 }), ..gate() };
+    let run = |cadence: Cadence| {
+        let mut watch = Recorder::new(&gate, Role::HandOver, GRAVITY, timestep, 0.004, cadence);
+        // Somebody has passed before, so that paths are kept.
+        watch.tally.recorded = 1;
+        (0..).step_by(cadence.look as usize).find_map(|step| {
+            let look = watch.look(step, [at(step)].into_iter());
+            (!look.crossed.is_empty()).then(|| crossing_of(&mut watch, 1))
+        })
+    };
+    let (coarse, fine) = (run(cadence).unwrap(), run(Cadence::NATIVE).unwrap());
+    assert_eq!(coarse.step, fine.step.next_multiple_of(20));
+    assert_relative_eq!(coarse.passage.time, fine.passage.time, epsilon = 1e-14);
+    assert_relative_eq!((coarse.passage.position - fine.passage.position).norm(), 0.0, epsilon = 1e-14);
+    assert_relative_eq!((coarse.passage.velocity - fine.passage.velocity).norm(), 0.0, epsilon = 1e-12);
+    // Stored every 30 time steps, or every 40, where samples are.
+    assert_eq!((fine.path_start % 30, coarse.path_start % 40), (0, 0));
+    for (crossing, every) in [(&fine, 30), (&coarse, 40)] {
+        for (motion, step) in crossing.path.iter().zip((crossing.path_start..).step_by(every)) {
+            assert_eq!(*motion, at(step).motion);
+        }
+        let last = crossing.path_start + (crossing.path.len() as u64 - 1) * every as u64;
+        assert!(last < crossing.step && last + every as u64 >= crossing.step);
+    }
+    assert_eq!(stored_paths(gate.paths, cadence).unwrap().every, 40);
+    assert_eq!(stored_paths(gate.paths, Cadence::NATIVE), gate.paths);
+}
+
+#[test]
+fn a_recorder_of_samples_hands_over_at_its_own_times_and_forgets_who_was_away() {
+    let cadence = Cadence { look: 20, hand_over: 100 };
+    let mut watch = Recorder::new(&gate(), Role::HandOver, GRAVITY, TIMESTEP, DIAMETER, cadence);
+    let mut look = |step: u64, z: f64| watch.look(step, [seen(1, vec3(0.0, 0.0, z))].into_iter());
+    assert!(look(0, 0.05).crossed.is_empty());
+    assert_eq!(look(20, -0.05).crossed, [id(1)]);
+    assert!(look(80, -0.3).exclude.is_empty(), "no hand-over");
+    assert_eq!(look(100, -0.3).exclude, [id(1)]);
+    // Seen before the plane, away for a sample, behind it: it did not pass here just now.
+    let mut watch = Recorder::new(&gate(), Role::HandOver, GRAVITY, TIMESTEP, DIAMETER, cadence);
+    watch.look(120, [seen(2, vec3(0.0, 0.0, 0.05))].into_iter());
+    watch.look(140, std::iter::empty());
+    assert!(watch.look(160, [seen(2, vec3(0.0, 0.0, -0.05))].into_iter()).crossed.is_empty());
+    assert_eq!((watch.tally().recorded, watch.tally().came_around), (0, 1));
+}

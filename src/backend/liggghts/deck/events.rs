@@ -3,7 +3,7 @@
 use super::names::{comment, file_name, lines};
 use super::parts::Wall;
 use super::template::Templates;
-use super::walls::{WallText, end_of, start_of};
+use super::walls::{WallText, change, end_of, start_of};
 use crate::backend::liggghts::{Schedule, deck_number};
 use crate::geometry::part::{AtRest, Trigger};
 use crate::scene::EndConditions;
@@ -31,7 +31,20 @@ impl Events<'_> {
             let resting = triggers.into_iter().filter(|(_, trigger)| matches!(trigger, Trigger::AtRest(_)));
             resting.map(move |(verb, _)| held(&format!("{}_{verb}", wall.id)))
         });
-        lines(waiting.chain(end.at_rest.map(|_| held("end"))))
+        let carried = self.text.carries().then(|| "variable carried equal 0".to_owned());
+        lines(waiting.chain(end.at_rest.map(|_| held("end"))).chain(carried))
+    }
+
+    /// What carries parts at the beginning of a batch; samples are `look` time steps apart.
+    ///
+    /// # Errors
+    /// Of templates.
+    pub fn carry(&self, look: u64) -> Result<String, String> {
+        if !self.text.carries() {
+            return Ok(String::new());
+        }
+        let rest = (look - 1).to_string();
+        self.templates.fill("carry.in", &[("put_down", &self.text.put_down()), ("rest", &rest)])
     }
 
     /// Everything between two batches but removals and the end.
@@ -89,7 +102,7 @@ impl Events<'_> {
             }
         };
         let what = format!("{} {verb} {what}", comment(name));
-        let change = self.text.change(wall, comes);
+        let change = change(wall, comes, &self.schedule);
         self.templates.fill(
             "event.in",
             &[

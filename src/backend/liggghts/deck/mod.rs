@@ -92,7 +92,7 @@ pub fn write(order: &DeckOrder<'_>, case: &Path) -> Result<(), BackendError> {
         let path = case.join(folder);
         std::fs::create_dir_all(&path).map_err(|source| StorageError::system("create", &path, source))?;
     }
-    for wall in parts::walls(order.scene, &order.schedule) {
+    for wall in parts::walls(order.scene, &order.schedule, !order.records_contacts()) {
         if let Some(mesh) = wall.mesh() {
             let path = case.join(files::MESHES).join(wall.file());
             let mut bytes = Vec::new();

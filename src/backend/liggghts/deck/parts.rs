@@ -1,5 +1,6 @@
 //! Parts as LIGGGHTS has them: meshes, and endless walls for planes that lie across an axis and stand still.
 
+use super::bounds::particle_zone;
 use super::motion::{Move, belt, moves};
 use super::names::{file_name, identifiers};
 use crate::backend::liggghts::Schedule;
@@ -25,6 +26,8 @@ pub struct Wall<'a> {
     pub moves: Vec<Move>,
     /// Velocity of a belt [m/s].
     pub belt: Option<Vec3>,
+    /// From its place to where it is parked while it is not there [m]; `None` where it always is, or cannot be parked.
+    pub parking: Option<Vec3>,
 }
 
 /// A surface.
@@ -51,7 +54,7 @@ impl Wall<'_> {
     /// True where it may appear or disappear.
     #[must_use]
     pub fn comes_or_goes(&self) -> bool {
-        self.part.appears != Trigger::Always || self.part.disappears != Trigger::Never
+        comes_or_goes(self.part)
     }
 
     /// The triangles, where it consists of some.
@@ -83,29 +86,52 @@ impl Wall<'_> {
     }
 }
 
-/// All parts of a scene that may touch a particle in a run.
+fn comes_or_goes(part: &Part) -> bool {
+    part.appears != Trigger::Always || part.disappears != Trigger::Never
+}
+
+/// The way to beside the domain, along the open axis that makes the box least larger; `None` where all axes are periodic.
+fn parking(scene: &Scene, schedule: &Schedule, reach: &Bounds) -> Option<Vec3> {
+    let zone = particle_zone(scene, schedule);
+    let gap = scene.largest_diameter();
+    let size = zone.size();
+    let open = (0..3).filter(|axis| !scene.domain.periodic[*axis]);
+    let ways = open.map(|axis| {
+        let mut way = Vec3::zeros();
+        way[axis] = zone.maximum[axis] + gap - reach.minimum[axis];
+        (way, (reach.maximum[axis] - reach.minimum[axis]) / size[axis])
+    });
+    ways.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(way, _)| way)
+}
+
+/// All parts of a scene. Planes across an axis that stand still are `endless`, or meshes as well: LIGGGHTS says nothing of contacts
+/// with endless walls.
 #[must_use]
-pub fn walls<'a>(scene: &'a Scene, schedule: &Schedule) -> Vec<Wall<'a>> {
+pub fn walls<'a>(scene: &'a Scene, schedule: &Schedule, endless: bool) -> Vec<Wall<'a>> {
     let ids = identifiers(scene.parts.iter().map(|part| part.name.as_str()));
     let end = schedule.time(schedule.steps);
-    let wall = |(part, id): (&'a Part, String)| Wall {
-        part,
-        id,
-        shape: shape(scene, part, end),
-        moves: moves(&part.motion, schedule),
-        belt: belt(&part.motion),
+    let wall = |(part, id): (&'a Part, String)| {
+        let shape = shape(scene, part, end, endless);
+        let (moves, belt) = (moves(&part.motion, schedule), belt(&part.motion));
+        let mut wall = Wall { part, id, shape, moves, belt, parking: None };
+        if wall.comes_or_goes() {
+            wall.parking = parking(scene, schedule, &wall.reach(end));
+        }
+        wall
     };
     scene.parts.iter().zip(ids).map(wall).collect()
 }
 
-fn shape(scene: &Scene, part: &Part, end: f64) -> Shape {
+fn shape(scene: &Scene, part: &Part, end: f64, endless: bool) -> Shape {
     match &part.surface {
         Surface::Mesh(mesh) => Shape::Mesh(mesh.clone()),
         Surface::Frustum { start, end, start_radius, end_radius } => {
             Shape::Mesh(Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS))
         }
         Surface::Plane { point, normal } => match across(normal) {
-            Some(axis) if part.motion.terms.is_empty() => Shape::Across { axis, place: point[axis] },
+            Some(axis) if endless && part.motion.terms.is_empty() && !comes_or_goes(part) => {
+                Shape::Across { axis, place: point[axis] }
+            }
             _ => Shape::Mesh(rectangle(scene, point, normal, &part.motion, end)),
         },
     }

@@ -3,7 +3,7 @@
 use super::motion;
 use super::parts::across;
 use crate::geometry::motion::MotionKind;
-use crate::geometry::part::{Part, Surface};
+use crate::geometry::part::{Part, Surface, Trigger};
 use crate::particle::Body;
 use crate::scene::Scene;
 use crate::stage::split::Recording;
@@ -28,6 +28,7 @@ pub fn refusals(scene: &Scene, records: &[Recording]) -> Vec<String> {
     for part in &scene.parts {
         found.extend(motion::refusals(part, scene.end.time));
         found.extend(plane_refusal(scene, part));
+        found.extend(parking_refusal(scene, part));
     }
     if records.len() > MOST_GATES {
         found.push(format!(
@@ -53,6 +54,24 @@ fn plane_refusal(scene: &Scene, part: &Part) -> Option<String> {
     (crosses && across(normal).is_none()).then(|| {
         format!(
             "part `{name}`: a plane that is not along the periodic axes ends at their borders; give it another normal"
+        )
+    })
+}
+
+/// A mesh that is not there is parked, which a mesh that turns cannot be.
+fn parking_refusal(scene: &Scene, part: &Part) -> Option<String> {
+    let (name, changes) = (&part.name, part.appears != Trigger::Always || part.disappears != Trigger::Never);
+    if changes && scene.domain.periodic == [true; 3] {
+        return Some(format!(
+            "part `{name}`: a part that is not there stands beside the domain, and this domain has no side that is not periodic; \
+             let one axis be open, or use the native solver"
+        ));
+    }
+    let turns = |kind: &MotionKind| matches!(kind, MotionKind::Rotate { rate, .. } if *rate != 0.0);
+    (changes && part.motion.terms.iter().any(|term| turns(&term.kind))).then(|| {
+        format!(
+            "part `{name}`: a part that is not there stands beside the domain, where LIGGGHTS would turn it about the same axis; let it \
+             be there all the time, do without the rotation, or use the native solver"
         )
     })
 }

@@ -47,10 +47,6 @@ pub fn gates_section(
     )
 }
 
-fn has_meshes(walls: &WallText<'_>) -> bool {
-    walls.walls.iter().any(|wall| wall.mesh().is_some())
-}
-
 fn contact_computes(order: &DeckOrder<'_>, gates: &[GateText<'_>], walls: &WallText<'_>) -> String {
     let diameter = order.scene.largest_diameter();
     let touch = if order.settings.ranks > 1 {
@@ -68,10 +64,8 @@ fn contact_computes(order: &DeckOrder<'_>, gates: &[GateText<'_>], walls: &WallT
         format!("variable {TOUCH} atom {touch}"),
         format!("compute pairs {TOUCH} pair/gran/local {QUANTITIES}"),
     ];
-    if has_meshes(walls) {
-        text.push(format!("compute walls {FRESH} wall/gran/local {QUANTITIES}"));
-    }
-    lines(text)
+    text.push(walls.contact_compute());
+    lines(text.into_iter().filter(|line| !line.is_empty()))
 }
 
 /// Renders the section of the run.
@@ -105,6 +99,7 @@ pub fn run_section(
             ("look", &look.to_string()),
             ("samples", &(schedule.cadence.hand_over / look).to_string()),
             ("variables", &events.variables(end)),
+            ("carry", &events.carry(look)?),
             ("define", &define),
             ("first_sample", &first),
             ("sample", &sample),
@@ -139,7 +134,7 @@ fn samples(
         text += &format!("group {TOUCH} subtract {TOUCH} all\ngroup {TOUCH} variable {TOUCH}\n");
         let arguments = dump_arguments("pairs", PAIR_COLUMNS + history);
         text += &format!("write_dump {TOUCH} local {PAIRS_FILE} {arguments}\n");
-        if has_meshes(walls) {
+        if walls.looks_at_contacts() {
             let arguments = dump_arguments("walls", WALL_COLUMNS + history);
             text += &format!("write_dump {FRESH} local {WALLS_FILE} {arguments}\n");
         }

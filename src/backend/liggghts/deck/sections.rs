@@ -19,8 +19,8 @@ pub fn render(order: &DeckOrder<'_>) -> Result<String, String> {
     let scene = order.scene;
     let templates = Templates::new(order.settings.templates.as_deref());
     let models = parameters::models(&scene.law, &scene.materials).map_err(|faults| faults.join("\n"))?;
-    let walls: Vec<Wall<'_>> = walls(scene, &order.schedule);
-    let wall_text = WallText { walls: &walls, models: &models };
+    let walls: Vec<Wall<'_>> = walls(scene, &order.schedule, !order.records_contacts());
+    let wall_text = WallText { walls: &walls, models: &models, contacts: order.records_contacts() };
     let gates: Vec<GateText<'_>> = gates(scene, order.records, &order.schedule, order.settings.contacts);
     let own = |place: DeckPlace| -> String {
         let given = order.settings.lines.get(&place).into_iter().flatten();

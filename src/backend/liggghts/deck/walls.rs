@@ -1,9 +1,14 @@
 //! The section of the walls: meshes, motions that run from the start, and `fix wall/gran`.
+//!
+//! All meshes belong to one wall for the whole run, as contacts with them could not be dumped otherwise. A mesh that is not there
+//! is parked: it stands beside the domain, where no particle comes, and is carried from one place to the other within one time step.
 
+use super::motion::Move;
 use super::names::{comment, lines, vector};
 use super::parts::{Shape, Wall, tolerances};
 use crate::backend::liggghts::parameters::Models;
-use crate::backend::liggghts::{deck_number, files};
+use crate::backend::liggghts::record::contacts::{FRESH, QUANTITIES};
+use crate::backend::liggghts::{Schedule, deck_number, files};
 use crate::geometry::part::Trigger;
 
 /// What the walls of a deck have in common.
@@ -13,6 +18,8 @@ pub struct WallText<'a> {
     pub walls: &'a [Wall<'a>],
     /// The contact laws.
     pub models: &'a Models,
+    /// Whether contacts with meshes are looked at.
+    pub contacts: bool,
 }
 
 impl WallText<'_> {
@@ -21,10 +28,14 @@ impl WallText<'_> {
         let texts = self.walls.iter().filter_map(|wall| {
             let mesh = wall.mesh()?;
             let belt = wall.belt.map_or_else(String::new, |velocity| format!(" surface_vel {}", vector(&velocity)));
-            let (name, remark) = (comment(&wall.part.name), wall.remark());
-            let unit = if belt.is_empty() { "" } else { "; surface_vel [m/s]" };
+            let parked = wall.parking.filter(|_| wall.part.appears != Trigger::Always);
+            let parked = parked.map_or_else(String::new, |way| format!(" move {}", vector(&way)));
+            let mut remark = format!("{}: {}", comment(&wall.part.name), wall.remark());
+            for (text, what) in [(&belt, "; belt [m/s]"), (&parked, "; parked beside the domain [m]")] {
+                remark += if text.is_empty() { "" } else { what };
+            }
             Some(format!(
-                "fix part_{} all mesh/surface/stress file {}/{} type {}{}{belt} # {name}: {remark}{unit}",
+                "fix part_{} all mesh/surface/stress file {}/{} type {}{parked}{}{belt} # {remark}",
                 wall.id,
                 files::MESHES,
                 wall.file(),
@@ -43,110 +54,93 @@ impl WallText<'_> {
 
     /// Variables that say which parts are there, where that may change.
     pub fn states(&self) -> String {
-        let mut text = String::new();
-        for wall in self.walls.iter().filter(|wall| wall.comes_or_goes()) {
-            let there = wall.part.appears == Trigger::Always;
-            let state = u8::from(there);
+        let changing = self.walls.iter().filter(|wall| wall.comes_or_goes());
+        lines(changing.flat_map(|wall| {
+            let state = u8::from(wall.part.appears == Trigger::Always);
             let name = comment(&wall.part.name);
-            text.push_str(&format!("variable there_{} equal {state} # {name}: 0 not yet, 1 there, 2 gone\n", wall.id));
-            if wall.mesh().is_some() {
-                text.push_str(&format!("{}\n", listed(wall, there)));
-            }
-        }
-        if self.may_lack_meshes() {
-            text.push_str("variable walled equal 0            # whether there is a wall of meshes\n");
-        }
-        text
+            [
+                format!("variable there_{} equal {state} # {name}: 0 not yet, 1 there, 2 gone", wall.id),
+                format!("variable carried_{} equal 0 # 1 while it is carried from its place or to it", wall.id),
+            ]
+        }))
     }
 
-    /// All walls that are there at the start.
+    /// All walls.
     pub fn walls(&self) -> String {
-        let across = self.walls.iter().filter(|wall| wall.part.appears == Trigger::Always);
-        let mut text = lines(across.filter_map(|wall| self.endless(wall)));
-        text.push_str(&self.mesh_wall());
+        let mut text = lines(self.walls.iter().filter_map(|wall| self.endless(wall)));
+        let meshes: Vec<String> =
+            self.walls.iter().filter(|wall| wall.mesh().is_some()).map(|wall| format!("part_{}", wall.id)).collect();
+        if !meshes.is_empty() {
+            let (model, options) = (&self.models.wall_model, &self.models.wall_options);
+            let (count, list) = (meshes.len(), meshes.join(" "));
+            let command = format!("fix walls all wall/gran {model} mesh n_meshes {count} meshes {list} {options}");
+            text += &lines([command]);
+        }
         text
     }
 
     /// The wall of a plane across an axis.
     fn endless(&self, wall: &Wall<'_>) -> Option<String> {
         let Shape::Across { axis, place } = wall.shape else { return None };
+        let options = &self.models.wall_options;
         Some(format!(
-            "fix wall_{} all wall/gran {} primitive type {} {}plane {} {} # {}: [m]",
+            "fix wall_{} all wall/gran {} primitive type {} {}plane {}{}{options} # {} [m]",
             wall.id,
             self.models.wall_model,
             wall.part.material + 1,
             ["x", "y", "z"][axis],
             deck_number(place),
-            self.models.wall_options,
+            if options.is_empty() { "" } else { " " },
             comment(&wall.part.name),
         ))
     }
 
-    /// The one wall of all meshes that are there, as the variables say.
-    fn mesh_wall(&self) -> String {
-        let meshes: Vec<&Wall<'_>> = self.walls.iter().filter(|wall| wall.mesh().is_some()).collect();
-        if meshes.is_empty() {
-            return String::new();
-        }
-        let changing: Vec<&&Wall<'_>> = meshes.iter().filter(|wall| wall.comes_or_goes()).collect();
-        let steady = meshes.len() - changing.len();
-        let list = meshes.iter().map(|wall| {
-            if wall.comes_or_goes() { format!("${{mesh_{}}}", wall.id) } else { format!("part_{}", wall.id) }
-        });
-        let list = list.collect::<Vec<_>>().join(" ");
-        let command = |count: &str| {
-            let (model, options) = (&self.models.wall_model, &self.models.wall_options);
-            format!("fix walls all wall/gran {model} mesh n_meshes {count} meshes {list} {options}")
-                .trim_end()
-                .to_owned()
-        };
-        if changing.is_empty() {
-            return format!("{}\n", command(&steady.to_string()));
-        }
-        let terms = changing.iter().map(|wall| format!("+(v_there_{}==1)", wall.id)).collect::<String>();
-        let count = format!("variable meshes equal {steady}{terms} # meshes that are there\n");
-        if steady > 0 {
-            return format!("{count}{}\n", command("${meshes}"));
-        }
-        let wall = command("${meshes}");
-        format!("{count}if \"${{meshes}} > 0\" then \"{wall}\" \"variable walled equal 1\"\n")
+    /// True where contacts with meshes are dumped.
+    pub fn looks_at_contacts(&self) -> bool {
+        self.contacts && self.walls.iter().any(|wall| wall.mesh().is_some())
     }
 
-    /// True where there may be no mesh at all at some time.
-    fn may_lack_meshes(&self) -> bool {
-        let mut meshes = self.walls.iter().filter(|wall| wall.mesh().is_some()).peekable();
-        meshes.peek().is_some() && meshes.all(Wall::comes_or_goes)
-    }
-
-    /// The commands that let a wall come or go.
-    pub fn change(&self, wall: &Wall<'_>, comes: bool) -> String {
-        if wall.mesh().is_none() {
-            return match self.endless(wall) {
-                Some(command) if comes => format!("{command}\n"),
-                _ => format!("unfix wall_{}\n", wall.id),
-            };
-        }
-        let away = if self.may_lack_meshes() {
-            "if \"${walled} == 1\" then \"unfix walls\"\nvariable walled equal 0\n"
+    /// The compute of contacts with meshes.
+    pub fn contact_compute(&self) -> String {
+        if self.looks_at_contacts() {
+            format!("compute walls {FRESH} wall/gran/local {QUANTITIES}\n")
         } else {
-            "unfix walls\n"
-        };
-        format!("{}\n{away}{}", listed(wall, comes), self.mesh_wall())
+            String::new()
+        }
+    }
+
+    /// True where a part may be carried during the run.
+    pub fn carries(&self) -> bool {
+        self.walls.iter().any(Wall::comes_or_goes)
+    }
+
+    /// Lines that end the carrying of every part, after its one time step.
+    pub fn put_down(&self) -> String {
+        let changing = self.walls.iter().filter(|wall| wall.comes_or_goes());
+        let id = changing.map(|wall| &wall.id);
+        lines(id.map(|id| {
+            format!("if \"${{carried_{id}}} == 1\" then \"unfix carry_{id}\" \"variable carried_{id} equal 0\"")
+        }))
     }
 }
 
-/// The variable that stands for a mesh in the list of the wall.
-fn listed(wall: &Wall<'_>, there: bool) -> String {
-    let name = if there { format!("part_{}", wall.id) } else { String::new() };
-    format!("variable mesh_{} string \"{name}\"", wall.id)
+/// The commands that let a mesh come or go: the fix that carries it within the next time step.
+pub fn change(wall: &Wall<'_>, comes: bool, schedule: &Schedule) -> String {
+    let way = wall.parking.unwrap_or_default() * (if comes { -1.0 } else { 1.0 } / schedule.timestep);
+    let id = &wall.id;
+    format!(
+        "variable carried_{id} equal 1\nvariable carried equal 1\n\
+         fix carry_{id} all move/mesh mesh part_{id} linear {} # [m/s], for one time step\n",
+        vector(&way)
+    )
 }
 
 /// The command that starts a motion.
-pub fn start_of(wall: &Wall<'_>, one: &super::motion::Move) -> String {
+pub fn start_of(wall: &Wall<'_>, one: &Move) -> String {
     format!("fix move_{}_{} all move/mesh mesh part_{} {}", wall.id, one.number, wall.id, one.arguments)
 }
 
 /// The command that ends a motion.
-pub fn end_of(wall: &Wall<'_>, one: &super::motion::Move) -> String {
+pub fn end_of(wall: &Wall<'_>, one: &Move) -> String {
     format!("unfix move_{}_{}", wall.id, one.number)
 }
