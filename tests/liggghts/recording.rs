@@ -94,8 +94,11 @@ impl Case {
             let group = if name == "pairs" { "touch" } else { "fresh" };
             format!("write_dump {group} local contacts/{name} {}", dump_arguments(name, columns + HISTORY))
         });
-        let (first, every) =
-            if contacts { (format!("{pairs}\n{walls}"), format!("\"{pairs}\" \"{walls}\"")) } else { Default::default() };
+        let (first, every) = if contacts {
+            (format!("{pairs}\n{walls}"), format!("\"{pairs}\" \"{walls}\""))
+        } else {
+            Default::default()
+        };
         let mut deck = DECK.replace("CONTACTS_FIRST", &first);
         for (name, text) in [
             ("CONTACTS", every),
@@ -217,7 +220,8 @@ fn write_meshes(folder: &Path) {
 
 /// Layers of spheres of 3 to 5 mm in a lattice a little out of line; returns their number.
 fn write_spheres(case: &Path) -> u64 {
-    let (mut atoms, mut velocities, mut table) = (String::new(), String::new(), String::from("x_m,y_m,z_m,radius_m,material\n"));
+    let (mut atoms, mut velocities, mut table) =
+        (String::new(), String::new(), String::from("x_m,y_m,z_m,radius_m,material\n"));
     let mut count = 0_u64;
     for (layer, row, column) in (0..4).flat_map(|a| (0..10).flat_map(move |b| (0..10).map(move |c| (a, b, c)))) {
         count += 1;
@@ -238,11 +242,7 @@ fn write_spheres(case: &Path) -> u64 {
 fn gate(paths: Option<PathRecording>) -> Gate {
     Gate {
         name: "outlet".to_owned(),
-        plane: GatePlane {
-            point: vec3(0.0, 0.0, PLANE),
-            normal: vec3(0.0, 0.0, -1.0),
-            aperture: Aperture::Unbounded,
-        },
+        plane: GatePlane { point: vec3(0.0, 0.0, PLANE), normal: vec3(0.0, 0.0, -1.0), aperture: Aperture::Unbounded },
         passage: PassingPoint::Centre,
         exclusion: Exclusion { mode: ExclusionMode::Buffer, length: 0.012 },
         paths,
@@ -287,7 +287,8 @@ fn what_passes_is_recorded_with_its_bits_its_path_and_its_contacts() {
     assert!(touching > 20, "only {touching} were in contact");
     assert!(tally.in_contact >= touching as u64);
     let partners = crossings.iter().flat_map(|crossing| &crossing.contacts).map(|contact| contact.partner);
-    let parts: Vec<ContactPartner> = partners.filter(|partner| matches!(partner, ContactPartner::Part { .. })).collect();
+    let parts: Vec<ContactPartner> =
+        partners.filter(|partner| matches!(partner, ContactPartner::Part { .. })).collect();
     // Part 1 is the floor, of eight triangles; nobody touches the walls there.
     let floor = |partner: &ContactPartner| matches!(partner, ContactPartner::Part { part: 1, element: 0..8 });
     assert!(!parts.is_empty() && parts.iter().all(floor), "{parts:?}");
@@ -299,7 +300,10 @@ fn check_state(crossing: &Crossing, own: &Row) {
     let state = &crossing.state;
     assert_eq!(bits(&state.position), bits(&own.position));
     assert_eq!((bits(&state.velocity), bits(&state.spin)), (bits(&own.velocity), bits(&own.spin)));
-    assert_eq!((state.radius.to_bits(), state.density.to_bits(), state.material), (own.radius.to_bits(), 3300.0_f64.to_bits(), 0));
+    assert_eq!(
+        (state.radius.to_bits(), state.density.to_bits(), state.material),
+        (own.radius.to_bits(), 3300.0_f64.to_bits(), 0)
+    );
     assert_eq!(bits(&crossing.torque), bits(&own.torque));
     let mass = 4.0 / 3.0 * std::f64::consts::PI * state.radius.powi(3) * state.density;
     // f = F + m g to the round-off of m g.
@@ -331,7 +335,8 @@ fn check_contacts(crossing: &Crossing, own: &Row, rows: &[Row]) {
             assert!(found.is_none() || overlap > -1e-11);
         }
     }
-    let with_particles = crossing.contacts.iter().filter(|contact| matches!(contact.partner, ContactPartner::Particle(_)));
+    let with_particles =
+        crossing.contacts.iter().filter(|contact| matches!(contact.partner, ContactPartner::Particle(_)));
     assert_eq!(with_particles.count(), overlapping);
 }
 

@@ -232,11 +232,8 @@ fn ghosts_behind_the_plane_confuse_no_figure() {
 fn a_force_counts_as_contact_and_contacts_are_joined_at_their_own_gate() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene();
-    let lower = Gate {
-        name: "lower".to_owned(),
-        plane: GatePlane { point: vec3(0.0, 0.0, -0.001), ..gate().plane },
-        ..gate()
-    };
+    let lower =
+        Gate { name: "lower".to_owned(), plane: GatePlane { point: vec3(0.0, 0.0, -0.001), ..gate().plane }, ..gate() };
     let mut recordings = open(&folder, &scene, &[gate(), lower], false).unwrap();
     fs::create_dir_all(folder.path().join("contacts")).unwrap();
     let (mut pairs, mut walls) = (String::new(), String::new());
@@ -270,7 +267,8 @@ fn a_force_counts_as_contact_and_contacts_are_joined_at_their_own_gate() {
         assert_eq!((result.tally.recorded, result.tally.in_contact), (2, 2));
         let found = crossings(&folder, name);
         // Sorted by our identities: tag 2 is particle 48, tag 1 particle 49.
-        let partners = |crossing: &Crossing| crossing.contacts.iter().map(|contact| contact.partner).collect::<Vec<_>>();
+        let partners =
+            |crossing: &Crossing| crossing.contacts.iter().map(|contact| contact.partner).collect::<Vec<_>>();
         assert_eq!(partners(&found[0]), [ContactPartner::Particle(ParticleId::new(0, 49))]);
         let wall = ContactPartner::Part { part: 2, element: 0 };
         assert_eq!(partners(&found[1]), [ContactPartner::Particle(ParticleId::new(0, 48)), wall]);
@@ -321,7 +319,11 @@ fn who_is_not_there_at_the_end_was_lost() {
     let mut recordings = open(&folder, &scene, &[gate()], false).unwrap();
     for step in [0, 20] {
         let sign = if step == 0 { 1.0 } else { -1.0 };
-        let bead = |tag: u32| Bead { tag, position: vec3(0.005 * f64::from(tag), 0.0, 1e-4 * sign), ..falling(tag, 0.0, 0.0, 20) };
+        let bead = |tag: u32| Bead {
+            tag,
+            position: vec3(0.005 * f64::from(tag), 0.0, 1e-4 * sign),
+            ..falling(tag, 0.0, 0.0, 20)
+        };
         write_sample(folder.path(), "outlet", step, &[bead(1), bead(2)]);
     }
     recordings.read_up_to(39).unwrap();

@@ -48,7 +48,10 @@ fn a_pair_is_seen_from_either_side() {
     let both = [wanted(3, Vec3::zeros()), wanted(7, vec3(0.0039, 0.0, 0.0))];
     let found = open(&folder, [None; 3]).of(20, &both, &id).unwrap();
     let [(3, i), (7, j)] = found.as_slice() else { panic!("{found:?}") };
-    assert_eq!((i.partner, j.partner), (ContactPartner::Particle(id(7).unwrap()), ContactPartner::Particle(id(3).unwrap())));
+    assert_eq!(
+        (i.partner, j.partner),
+        (ContactPartner::Particle(id(7).unwrap()), ContactPartner::Particle(id(3).unwrap()))
+    );
     assert_eq!((i.normal, j.normal), (vec3(1.0, 0.0, 0.0), vec3(-1.0, 0.0, 0.0)));
     // Half way through the overlap, one and the same point.
     let point = vec3(0.001_95, 0.0, 0.0);
