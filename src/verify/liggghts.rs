@@ -6,7 +6,7 @@
 use super::{CaseSetup, Departure, Experiment, NotRun, Sample};
 use crate::backend::liggghts::parameters::{self, Models};
 use crate::backend::liggghts::{deck_number, probe};
-use crate::geometry::part::{Part, Surface, Trigger};
+use crate::geometry::part::{Surface, Trigger};
 use crate::geometry::stl::write_stl_ascii;
 use crate::math::{Vec3, vec3};
 use crate::particle::{Body, ParticleState};
@@ -149,54 +149,42 @@ fn mesh_file(index: usize) -> String {
 }
 
 fn deck(setup: &CaseSetup, models: &Models) -> String {
-    let mut text = system(setup, models);
-    let meshes: Vec<(usize, &Part)> =
-        setup.parts.iter().enumerate().filter(|(_, part)| matches!(part.surface, Surface::Mesh(_))).collect();
-    let mut line = |line: String| {
-        text.push_str(&line);
-        text.push('\n');
-    };
-    for (index, part) in setup.parts.iter().enumerate() {
-        if let Surface::Plane { point, normal } = &part.surface
-            && let Some(axis) = axis_of(normal)
-        {
-            let (name, kind) = (["xplane", "yplane", "zplane"][axis], part.material + 1);
-            let place = deck_number(point[axis]);
-            let model = &models.wall_model;
-            line(format!(
-                "fix wall_{index} all wall/gran {model} primitive type {kind} {name} {place} {}",
-                models.wall_options
-            ));
-        }
-    }
-    for (index, part) in &meshes {
-        line(format!(
-            "fix mesh_{index} all mesh/surface file {} type {} curvature 1e-5",
-            mesh_file(*index),
-            part.material + 1
-        ));
-    }
-    if !meshes.is_empty() {
-        let names: Vec<String> = meshes.iter().map(|(index, _)| format!("mesh_{index}")).collect();
-        line(format!(
-            "fix walls all wall/gran {} mesh n_meshes {} meshes {} {}",
-            models.wall_model,
-            names.len(),
-            names.join(" "),
-            models.wall_options
-        ));
-    }
-    line("fix integration all nve/sphere".to_owned());
+    let mut text = system(setup, models) + &walls(setup, models);
+    text.push_str("fix integration all nve/sphere\n");
     let g = setup.gravity;
     if g != Vec3::zeros() {
         let [x, y, z] = [g.x, g.y, g.z].map(deck_number);
-        line(format!("fix gravity all gravity {} vector {x} {y} {z}", deck_number(g.norm())));
+        let _ = writeln!(text, "fix gravity all gravity {} vector {x} {y} {z}", deck_number(g.norm()));
     }
-    let numbers = vec!["%.17g"; COLUMNS - 1].join(" ");
-    line(format!("dump states all custom {} {STATES} id x y z vx vy vz omegax omegay omegaz", setup.sample_every));
-    line(format!("dump_modify states sort id format \"%d {numbers}\""));
-    line(format!("thermo {}", setup.steps.max(1)));
-    line(format!("run {}", setup.steps));
+    let columns = "id x y z vx vy vz omegax omegay omegaz";
+    let _ = writeln!(text, "dump states all custom {} {STATES} {columns}", setup.sample_every);
+    let _ = writeln!(text, "dump_modify states sort id format \"%d{}\"", " %.17g".repeat(COLUMNS - 1));
+    let _ = writeln!(text, "thermo {}\nrun {}", setup.steps.max(1), setup.steps);
+    text
+}
+
+/// Planes as primitive walls, meshes as one wall of all.
+fn walls(setup: &CaseSetup, models: &Models) -> String {
+    let Models { wall_model: model, wall_options: options, .. } = models;
+    let (mut text, mut meshes) = (String::new(), Vec::new());
+    for (index, part) in setup.parts.iter().enumerate() {
+        let kind = part.material + 1;
+        if let Surface::Plane { point, normal } = &part.surface
+            && let Some(axis) = axis_of(normal)
+        {
+            let plane = format!("{} {}", ["xplane", "yplane", "zplane"][axis], deck_number(point[axis]));
+            let _ = writeln!(text, "fix wall_{index} all wall/gran {model} primitive type {kind} {plane} {options}");
+        }
+        if let Surface::Mesh(_) = &part.surface {
+            let file = mesh_file(index);
+            let _ = writeln!(text, "fix mesh_{index} all mesh/surface file {file} type {kind} curvature 1e-5");
+            meshes.push(format!("mesh_{index}"));
+        }
+    }
+    if !meshes.is_empty() {
+        let (count, names) = (meshes.len(), meshes.join(" "));
+        let _ = writeln!(text, "fix walls all wall/gran {model} mesh n_meshes {count} meshes {names} {options}");
+    }
     text
 }
 
