@@ -13,6 +13,7 @@ use crate::gate::id_map::IdMap;
 use crate::gate::stream::format::StoredEvent;
 use crate::geometry::part::Trigger;
 use crate::math::Vec3;
+use crate::output::final_state;
 use crate::output::lammps::DumpReader;
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
@@ -100,6 +101,7 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
     let rows = series::convert(scene, &states.schedule, case, request.folder, &result.removed, &run.prepared)?;
     result.particle_steps = series::particle_steps(&rows);
     states.write_frames(request.folder, &result)?;
+    final_state::write(request.folder, &result.particles)?;
     if scene.measures.iter().any(|measure| matches!(measure.kind, MeasureKind::CoordinationNumber { .. })) {
         let Touching { pairs, walls } = touching(scene, run.plan, &result.particles, &result.present, result.time);
         (result.contacts, result.wall_contacts) = (pairs, walls);
