@@ -232,7 +232,7 @@ mod tests {
         });
         let free = CrossingFigures::default();
         let quality = judge(free, &recorded, overlaps, ExclusionMode::Buffer, PathMode::Recorded);
-        assert_eq!((quality.grade, quality.back_flow_share, quality.deep_share), (Grade::Bad, 0.025, 0.25));
+        assert_eq!((quality.grade, quality.back_flow_share, quality.deep_share), (Grade::Bad, 0.025, Some(0.25)));
         assert!(quality.warnings[0].contains("60.0 % of the radius into a resident at 1.500000 s, at (0.100000"));
         assert!(
             quality.warnings[1].starts_with("5 returns over the plane on 200 crossings (2.5 %), up to 1.200 mm back")
