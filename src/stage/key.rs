@@ -2,6 +2,7 @@
 
 use super::split::Recording;
 use crate::scene::Scene;
+use crate::scene::backend::BackendName;
 use crate::scene::gate::{BackingUp, Clock, Fate, PathMode, Replay, Timing, Transform};
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -137,12 +138,24 @@ impl StageKey {
     pub fn of_run(scene: &Scene, whole: bool, kick: Option<(f64, u64)>) -> Self {
         let mut content = to_map(scene);
         content.remove("name");
+        without_unused_codes(scene, &mut content);
         let outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
         content.insert("whole".to_owned(), whole.into());
         content.insert("kick".to_owned(), serde_json::json!(kick));
         let content = Value::Object(content);
         Self { key: digest(&content), outputs_key: digest(&Value::Object(outputs)), content }
+    }
+}
+
+/// What external codes are told does not belong to a run that none of them computes.
+fn without_unused_codes(scene: &Scene, content: &mut Map<String, Value>) {
+    let chosen = scene.stages.iter().filter_map(|stage| stage.backend).chain([scene.backend]);
+    if chosen.into_iter().all(|backend| backend == BackendName::Native) {
+        content.remove("liggghts");
+        content.remove("backend");
+        let stages = content.get_mut("stages").and_then(Value::as_array_mut).into_iter().flatten();
+        stages.filter_map(Value::as_object_mut).for_each(|stage| drop(stage.remove("backend")));
     }
 }
 

@@ -1,0 +1,62 @@
+//! LIGGGHTS against itself unsplit and against the native solver, on a real discharge: replicates in every combination of codes,
+//! and every pair of modes at dense cuts. Needs Debian's `liggghts`. An hour of computing: `./validate` runs these.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "what is printed becomes a page of docs/validation")]
+
+#[path = "common/replicates.rs"]
+mod replicates;
+
+use replicates::{Order, compared, disagreement, pairs_of_modes, print, whole_runs};
+use std::path::PathBuf;
+
+/// Runs of each combination.
+const RUNS: u64 = 10;
+/// M: time steps between two samples of LIGGGHTS.
+const SAMPLE: u64 = 20;
+
+/// The small hopper `out` with buffer and recorded paths, stored every `every` time steps, and `liggghts` where these keys say so.
+fn runs(out: &str, every: u64, keys: &[&str]) -> PathBuf {
+    let mut order = Order::new("scene.toml", out).set("output.frames", "1 s").set("gate.outlet.paths.every", every);
+    for key in keys {
+        order = order.set(key, "liggghts");
+    }
+    order.replicates = RUNS;
+    order.run();
+    order.out
+}
+
+fn whole_on_liggghts() -> PathBuf {
+    let mut order = Order::new("scene.toml", "lig-whole").set("output.frames", "1 s").set("backend", "liggghts");
+    (order.whole, order.replicates) = (true, RUNS);
+    order.run();
+    order.out
+}
+
+#[test]
+#[ignore = "half an hour: ./validate"]
+fn every_combination_of_codes_agrees() {
+    let (native, whole) = (whole_runs(), whole_on_liggghts());
+    let native_split = runs("lig-native", SAMPLE / 2, &[]);
+    let split = runs("lig-split", SAMPLE, &["backend"]);
+    let forth = runs("lig-mixed-NL", SAMPLE / 2, &["stage.chute.backend"]);
+    let back = runs("lig-mixed-LN", SAMPLE, &["stage.hopper.backend"]);
+    let mut disagreements = Vec::new();
+    for (what, one, other) in [
+        ("LIGGGHTS: split against whole", &split, &whole),
+        ("whole: LIGGGHTS against native", &whole, &native),
+        ("split: LIGGGHTS against native", &split, &native_split),
+        ("native upstream, LIGGGHTS downstream, against the whole run on LIGGGHTS", &forth, &whole),
+        ("LIGGGHTS upstream, native downstream, against the whole run on the native solver", &back, &native),
+    ] {
+        let comparison = compared(one, other);
+        print(what, &comparison);
+        disagreements.extend(disagreement(&comparison, what));
+    }
+    assert!(disagreements.is_empty(), "{disagreements:#?}");
+}
+
+#[test]
+#[ignore = "an hour: ./validate"]
+fn every_pair_of_modes_at_dense_cuts() {
+    pairs_of_modes("liggghts", &["recorded", "ballistic", "constant"], SAMPLE);
+}
