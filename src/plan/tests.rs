@@ -381,7 +381,12 @@ fn requirements_meet_capabilities() {
     let other = Capabilities { backend: "other".to_owned(), can: vec![Requirement::HertzMindlinLaw] };
     plan.add_backend(&scene, &other);
     assert_eq!(plan.backends[1].missing, [Requirement::Epsd2Rolling, Requirement::EnergyBudget]);
-    assert!(plan.to_text().contains("lacks Epsd2Rolling, EnergyBudget"));
+    let text = plan.to_text();
+    for need in [Requirement::Epsd2Rolling, Requirement::EnergyBudget] {
+        assert!(text.contains(need.words()), "{text}");
+    }
+    let liggghts = super::choose::verdict(&scene, &Capabilities::liggghts());
+    assert_eq!(liggghts.missing, [Requirement::EnergyBudget], "it has EPSD2");
 }
 
 #[test]
