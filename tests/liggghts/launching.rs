@@ -126,7 +126,7 @@ pub fn launch<'a>(case: &'a Path, way: Way, interrupted: &'a AtomicBool) -> Laun
 }
 
 pub fn run(case: &Path, way: Way) -> Result<Outcome, BackendError> {
-    launch::run(&launch(case, way, &NEVER), &mut |_| Ok(()))
+    launch::run(&launch(case, way, &NEVER), &mut |_, _| Ok(()))
 }
 
 pub fn finished(outcome: Outcome) -> Finished {
@@ -213,22 +213,22 @@ fn a_case_runs_on_two_ranks_and_on_more_than_there_are_cores() {
 
 #[test]
 fn the_caller_works_while_it_runs() {
-    let case = Case::new(30_000, &[]);
+    let case = Case::new(6_000, &[]);
     let mut steps = Vec::new();
-    let way = Way { steps: 3_000_000, ..SERIAL };
-    let mut each = |step| {
+    let way = Way { steps: 600_000, ..SERIAL };
+    let mut each = |step, _: &[Event]| {
         steps.push(step);
         Ok(())
     };
     finished(launch::run(&launch(case.path(), way, &NEVER), &mut each).unwrap());
-    assert!(steps.len() >= 2 && steps.is_sorted() && steps[0] < 3_000_000, "{steps:?}");
+    assert!(steps.len() >= 2 && steps.is_sorted() && steps[0] < 600_000, "{steps:?}");
 }
 
 #[test]
 fn an_error_of_the_callers_ends_the_case() {
     let case = Case::new(ENDLESS, &[]);
     let way = Way { steps: u64::MAX, ..SERIAL };
-    let each = &mut |_| Err(BackendError::Incapable("enough".into()));
+    let each = &mut |_: u64, _: &[Event]| Err(BackendError::Incapable("enough".into()));
     let error = launch::run(&launch(case.path(), way, &NEVER), each).unwrap_err();
     assert_eq!(error.to_string(), "enough");
     case.assert_deserted();
@@ -240,7 +240,7 @@ fn an_interrupt_ends_all_ranks() {
         let case = Case::new(ENDLESS, &[]);
         let interrupted = AtomicBool::new(false);
         let way = Way { ranks, steps: u64::MAX, ..SERIAL };
-        let mut each = |_| {
+        let mut each = |_: u64, _: &[Event]| {
             assert!(case.processes().len() >= ranks as usize);
             interrupted.store(true, Ordering::Relaxed);
             Ok(())

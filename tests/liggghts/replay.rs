@@ -163,8 +163,13 @@ fn compute(case: &Path, ranks: u32) {
     }
     let output = command.args(["-oL", "liggghts", "-in", files::DECK]).current_dir(case).output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
-    let end = &text[text.floor_char_boundary(text.len().saturating_sub(2000))..];
-    assert!(output.status.success() && !text.contains("ERROR"), "{end}\n{}", String::from_utf8_lossy(&output.stderr));
+    let mut end: Vec<&str> = text.lines().rev().take(12).collect();
+    end.reverse();
+    assert!(
+        output.status.success() && !text.contains("ERROR"),
+        "{end:#?}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }
 
 /// Prepares, computes and accounts for a replay; what is left is the case, for those who look for themselves.
@@ -307,4 +312,67 @@ fn grid_states_of_liggghts_come_back_to_the_bit_at_their_own_step() {
     }
     assert!(exact > 100 && result.exact, "{exact} {:?}", result.arrivals);
     assert_eq!(result.arrivals.bit_equal, exact);
+}
+
+/// What LIGGGHTS would have written of a case, cut off and tampered with.
+#[test]
+fn a_damaged_dump_of_arrivals_is_refused_and_whoever_is_missing_is_listed() {
+    let (scene, order) = heap(PathMode::Constant, stream());
+    let case = tempfile::tempdir().unwrap();
+    let prepare = || prepare(&scene, std::slice::from_ref(&order), &schedule(), case.path()).unwrap();
+    let prepared = prepare();
+    std::fs::write(case.path().join(files::DECK), deck(&prepared)).unwrap();
+    compute(case.path(), 1);
+    let place = case.path().join(files::ARRIVALS);
+    let whole = std::fs::read_to_string(&place).unwrap();
+    let refused = |text: &str, reason: &str| {
+        std::fs::write(&place, text).unwrap();
+        let error = prepare().finish(case.path(), STEPS).unwrap_err();
+        let shown = error.to_string();
+        assert!(shown.contains("arrivals.dump") && shown.contains(reason) && shown.contains("liggghts -in"), "{shown}");
+    };
+    let row = whole.lines().find(|line| line.split(' ').count() >= 13 && !line.starts_with("ITEM")).unwrap();
+    let at = whole.find(row).unwrap();
+    refused(&whole[..at + row.len() / 2], "a row of 13 numbers was expected");
+    refused(&whole.replacen(row, &row.replacen(' ', " x", 1), 1), "a row of 13 numbers was expected");
+    refused(&whole.replacen("ITEM: BOX", "ITEM: COX", 1), "'ITEM: BOX BOUNDS' was expected");
+    let late = format!("ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n0\n", STEPS + 100);
+    refused(&format!("{whole}{late}"), "it goes on to time step");
+    // One arrival taken away, another one two samples late.
+    let count = whole[..at].rfind("ITEM: NUMBER OF ATOMS\n").unwrap() + "ITEM: NUMBER OF ATOMS\n".len();
+    let number: u32 = whole[count..].lines().next().unwrap().parse().unwrap();
+    let fewer =
+        whole[count..].replacen(&number.to_string(), &(number - 1).to_string(), 1).replacen(&format!("{row}\n"), "", 1);
+    std::fs::write(&place, format!("{}{fewer}", &whole[..count])).unwrap();
+    let report = prepare().finish(case.path(), STEPS).unwrap().remove(0).arrivals;
+    let lost = report.exceptions.iter().find(|entry| entry.reason == Exception::LostInZone).unwrap();
+    assert_eq!((lost.count, report.each_once), (1, false), "{report:?}");
+    let tag: u32 = row.split(' ').next().unwrap().parse().unwrap();
+    assert_eq!(lost.first, [prepare().tags.id(tag).unwrap()]);
+}
+
+/// 60 000 samples of recorded paths: what is held at once are the ghosts on their way and some numbers for every particle.
+#[test]
+fn the_memory_of_a_long_case_is_bounded() {
+    let (scene, order) = heap(PathMode::Recorded, stream());
+    let case = tempfile::tempdir().unwrap();
+    let cadence = Cadence { look: 1, hand_over: 20 };
+    let schedule = Schedule { timestep: 0.1 * DT, cadence, steps: 60_000 };
+    let before = resident();
+    let prepared = prepare(&scene, &[order], &schedule, case.path()).unwrap();
+    let grown = resident().saturating_sub(before);
+    let written = std::fs::metadata(case.path().join("paths/px")).unwrap().len();
+    assert!(prepared.entered > 100 && written > 4_000_000, "{} {written}", prepared.entered);
+    // Nine files of that size; other tests of this process take some.
+    assert!(grown < 30_000_000, "{grown} bytes for {written} bytes of each path");
+    let samples = std::fs::read_to_string(case.path().join("paths/release")).unwrap();
+    let sections = samples.lines().filter(|line| !line.contains(' ')).count();
+    assert_eq!(sections, 60_002, "one a sample from step 0 on, and a spare one");
+}
+
+/// Memory of this process [bytes].
+fn resident() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/statm").unwrap();
+    let pages: u64 = text.split_whitespace().nth(1).unwrap().parse().unwrap();
+    4096 * pages
 }

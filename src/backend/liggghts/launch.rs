@@ -5,24 +5,25 @@
 //! killed the system ends it (`setpriv --pdeathsig`).
 
 use super::super::BackendError;
+use super::drain::{News, drain_errors, drain_output};
 use super::explain::explain;
 use super::files;
 use super::probe::{self, Tools};
 use super::processes::{Ended, Family};
-use super::screen::{Line, Screen};
+use super::screen::Screen;
 use super::watch::{Trouble, Watch};
 use crate::backend::stage::EndReason;
 use crate::output::progress::{Progress, Verbosity};
 use crate::storage::StorageError;
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -222,13 +223,6 @@ fn command(launch: &Launch, program: &Path) -> Command {
 enum Stop {
     Interrupted,
     Trouble(Trouble),
-}
-
-/// News from the threads that drain.
-enum News {
-    Printed(Line),
-    /// What is printed cannot be kept.
-    Unwritten(io::Error),
 }
 
 struct Running<'a> {
@@ -450,64 +444,6 @@ fn check_space(folder: &Path) -> Result<(), StorageError> {
     Err(StorageError::system("write into", folder, io::ErrorKind::StorageFull.into()))
 }
 
-/// Keeps a pipe empty: into the file, and line by line to whoever waits for it.
-fn drain_output(pipe: impl Read, file: &Mutex<File>, sender: &Sender<News>) -> Screen {
-    let mut screen = Screen::default();
-    let mut open: Vec<u8> = Vec::new();
-    let mut tell = |line: &[u8]| {
-        let line = screen.read(&String::from_utf8_lossy(line));
-        if line != Line::Other {
-            // Nobody waits any more where the case was given up; the pipe is drained nonetheless.
-            drop(sender.send(News::Printed(line)));
-        }
-    };
-    drain(pipe, file, sender, |bytes| {
-        open.extend_from_slice(bytes);
-        let mut start = 0;
-        while let Some(length) = open[start..].iter().position(|&byte| byte == b'\n') {
-            tell(&open[start..start + length]);
-            start += length + 1;
-        }
-        open.drain(..start);
-    });
-    if !open.is_empty() {
-        tell(&open);
-    }
-    screen
-}
-
-/// The end of what came through the pipe.
-fn drain_errors(pipe: impl Read, file: &Mutex<File>, sender: &Sender<News>) -> Vec<u8> {
-    const KEPT: usize = 1 << 14;
-    let mut last = Vec::new();
-    drain(pipe, file, sender, |bytes| {
-        last.extend_from_slice(bytes);
-        last.drain(..last.len().saturating_sub(KEPT));
-    });
-    last
-}
-
-fn drain(mut pipe: impl Read, file: &Mutex<File>, sender: &Sender<News>, mut take: impl FnMut(&[u8])) {
-    let mut block = vec![0; 1 << 16];
-    let mut is_written = true;
-    loop {
-        let length = match pipe.read(&mut block) {
-            Ok(0) => return,
-            Ok(length) => length,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(_) => return,
-        };
-        take(&block[..length]);
-        if is_written {
-            let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Err(error) = file.write_all(&block[..length]) {
-                is_written = false;
-                drop(sender.send(News::Unwritten(error)));
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -518,33 +454,5 @@ mod tests {
         assert!(line.starts_with("cd '/tmp/my case' && ") && line.ends_with("liggghts -in in.liggghts"), "{line}");
         let line = command_line(Path::new("/c"), 9999, &["--bind-to".into(), "it's".into()]);
         assert!(line.contains("mpirun -np 9999") && line.contains(r"--oversubscribe --bind-to 'it'\''s' "), "{line}");
-    }
-
-    #[test]
-    fn lines_are_whole_however_the_pipe_cuts_them() {
-        struct Crumbs<'a>(&'a [u8]);
-        impl Read for Crumbs<'_> {
-            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-                let length = self.0.len().min(3);
-                buffer[..length].copy_from_slice(&self.0[..length]);
-                self.0 = &self.0[length..];
-                Ok(length)
-            }
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let place = folder.path().join("screen");
-        let text = b"Step Atoms KinEng\n 5 2 0.25\nWARNING: \xff\xfe odd\ntollgate end time 5";
-        let (sender, news) = channel();
-        drain_output(Crumbs(text), &Mutex::new(File::create(&place).unwrap()), &sender);
-        drop(sender);
-        let lines: Vec<Line> =
-            news.iter().map(|news| if let News::Printed(line) = news { line } else { Line::Other }).collect();
-        let expected = [
-            Line::Thermo { step: 5, atoms: 2, kinetic_energy: 0.25 },
-            Line::Warning("\u{fffd}\u{fffd} odd".into()),
-            Line::End { reason: EndReason::Time, step: 5 },
-        ];
-        assert_eq!(lines, expected);
-        assert_eq!(std::fs::read(&place).unwrap(), text);
     }
 }

@@ -7,6 +7,7 @@
 mod capability;
 mod collect;
 pub mod deck;
+mod drain;
 mod explain;
 pub mod feeds;
 pub mod launch;

@@ -99,8 +99,11 @@ pub fn run(scene: &Scene, plan: &Plan, request: &StageRequest) -> Result<StageRe
     let mut told = 0;
     let outcome = launch::run(&launch, &mut |step, events| {
         told += tell(&mut recordings, &events[told..]);
-        // The sample of the step that was printed last may be half written.
-        if step > 0 { recordings.read_up_to(step - 1) } else { Ok(()) }
+        // The sample of the step that was printed last may be half written, or not yet.
+        match step.checked_sub(schedule.cadence.look) {
+            Some(whole) => recordings.read_up_to(whole),
+            None => Ok(()),
+        }
     })?;
     let (finished, ended) = match outcome {
         Outcome::Finished(finished) => (finished, true),

@@ -58,6 +58,10 @@ pub fn convert(
     let mut writer = SeriesWriter::create(&folder.join("series.csv"))?;
     let mut counts: Vec<Count> = Vec::new();
     while let Some(line) = next()? {
+        // LIGGGHTS puts a title of its own, an empty one, behind ours.
+        if line.trim().is_empty() {
+            continue;
+        }
         let values: Option<Vec<f64>> = line.split_ascii_whitespace().map(|text| text.parse().ok()).collect();
         let values = values
             .filter(|values| values.len() == names.len())

@@ -104,7 +104,13 @@ impl FeedsInAdvance {
         if due {
             self.way.walls.set_time(time);
         }
-        let fed = if due { self.runner.insert(time, &self.way) } else { Vec::new() };
+        let mut fed = if due { self.runner.insert(time, &self.way) } else { Vec::new() };
+        // A run asks twice at its start: before its first state is looked at, and before its first time step.
+        if step == 0 && self.runner.due(time) {
+            self.way.falling.clone_from(&fed);
+            fed.extend(self.runner.insert(time, &self.way));
+            self.way.falling.clear();
+        }
         // As in a run: first what is due enters, then parts appear and disappear.
         changed.iter().for_each(|event| self.way.walls.set_present(event.part, event.present));
         let falls = |state: &ParticleState| self.streams.get(state.id.feed() as usize).copied().unwrap_or(false);

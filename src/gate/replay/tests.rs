@@ -1,3 +1,5 @@
+mod cadence;
+
 use super::*;
 use crate::gate::crossing::{ContactPartner, Passage};
 use crate::gate::{Cadence, HAND_OVER_STEPS};

@@ -33,8 +33,8 @@ pub struct GateText<'a> {
     finds_crossings: bool,
     near: (f64, f64),
     margin: f64,
-    /// Formula of the distance s of the passing point \[m\], where it is not the centre's.
-    lowest: Option<String>,
+    /// Unit vector along gravity, where a particle's lowest point is what passes.
+    pub lowest: Option<Vec3>,
 }
 
 /// All gates of a deck.
@@ -49,8 +49,8 @@ pub fn gates<'a>(scene: &Scene, records: &'a [Recording], schedule: &Schedule, c
         let gate = &recording.gate;
         let path = gate.paths.map_or(0.0, |paths| paths.length);
         let down = scene.gravity.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
-        let lowest = (gate.passage == PassingPoint::LowestPoint).then(|| down.dot(&gate.plane.normal));
-        let ahead = lowest.map_or(0.0, |share| share.abs() * 0.5 * diameter);
+        let lowest = (gate.passage == PassingPoint::LowestPoint).then_some(down);
+        let ahead = lowest.map_or(0.0, |down| down.dot(&gate.plane.normal).abs() * 0.5 * diameter);
         let before = 2.0 * (path + 0.25 * diameter).max(0.25 * diameter) + look + ahead;
         GateText {
             gate,
@@ -59,35 +59,38 @@ pub fn gates<'a>(scene: &Scene, records: &'a [Recording], schedule: &Schedule, c
             finds_crossings: !recording.observes || contacts,
             near: (before, 2.0 * gate.exclusion.length + batch + ahead),
             margin: diameter + batch,
-            lowest: lowest.map(|share| lowest_point(scene, &gate.plane, share)),
+            lowest,
         }
     };
     records.iter().zip(ids).map(text).collect()
 }
 
-/// s + r (g / |g| . n): the radius follows from mass and density, as LIGGGHTS has no radius in formulas.
-fn lowest_point(scene: &Scene, plane: &GatePlane, share: f64) -> String {
+/// Definition of the variable `radius` \[m\]: LIGGGHTS has no radius in formulas, but mass and, by material, density.
+#[must_use]
+pub fn radius_variable(scene: &Scene) -> String {
     let materials = scene.materials.materials.iter().zip(1..);
     let terms = materials.filter_map(|(material, number)| {
         let cubed = 3.0 / (4.0 * PI * material.density?);
         Some(format!("(type=={number})*(mass*{})^(1/3)", deck_number(cubed)))
     });
-    let radius = terms.collect::<Vec<_>>().join("+");
-    format!("{}+({})*({radius})", distance(plane), deck_number(share))
+    format!("variable radius atom {} # [m]", terms.collect::<Vec<_>>().join("+"))
 }
 
-/// Formula of a centre's distance from a plane \[m\].
-fn distance(plane: &GatePlane) -> String {
-    along(&plane.point, &plane.normal)
-}
-
-/// Formula of (x - point) . direction.
-fn along(point: &Vec3, direction: &Vec3) -> String {
+/// Formula of (x - point) . direction; x is the centre, or where `lowest` is given the centre plus a radius along it.
+fn along(point: &Vec3, direction: &Vec3, lowest: Option<&Vec3>) -> String {
     let terms = (0..3).filter(|axis| direction[*axis] != 0.0).map(|axis| {
-        let name = ["x", "y", "z"][axis];
-        format!("({name}-({}))*({})", deck_number(point[axis]), deck_number(direction[axis]))
+        let place = coordinate(axis, lowest);
+        format!("({place}-({}))*({})", deck_number(point[axis]), deck_number(direction[axis]))
     });
     terms.collect::<Vec<_>>().join("+")
+}
+
+fn coordinate(axis: usize, lowest: Option<&Vec3>) -> String {
+    let name = ["x", "y", "z"][axis];
+    match lowest.map(|down| down[axis]).filter(|down| *down != 0.0) {
+        Some(down) => format!("({name}+({})*v_radius)", deck_number(down)),
+        None => name.to_owned(),
+    }
 }
 
 /// The axis of an opening that LIGGGHTS has a region for, and that region.
@@ -133,15 +136,15 @@ fn opening_box(plane: &GatePlane, margin: f64) -> Option<String> {
 }
 
 /// Formula that is 1 in the column over an opening.
-fn opening_formula(plane: &GatePlane) -> Option<String> {
+fn opening_formula(plane: &GatePlane, lowest: Option<&Vec3>) -> Option<String> {
     let point = &plane.point;
     match &plane.aperture {
         Aperture::Unbounded => None,
         Aperture::Disc { radius } => {
-            let squares = ["x", "y", "z"].iter().enumerate();
-            let squares = squares.map(|(k, name)| format!("({name}-({}))^2", deck_number(point[k])));
+            let squares = (0..3).map(|k| format!("({}-({}))^2", coordinate(k, lowest), deck_number(point[k])));
             let from_centre = squares.collect::<Vec<_>>().join("+");
-            Some(format!("({from_centre}-({})^2<={})", distance(plane), deck_number(radius * radius)))
+            let distance = along(point, &plane.normal, lowest);
+            Some(format!("({from_centre}-({distance})^2<={})", deck_number(radius * radius)))
         }
         Aperture::Rectangle { side_a, side_b } => {
             // x - p = a side_a + b side_b + s n: a and b by the dual vectors of the sides.
@@ -149,7 +152,7 @@ fn opening_formula(plane: &GatePlane) -> Option<String> {
             let determinant = aa * bb - ab * ab;
             let dual_a = (side_a * bb - side_b * ab) / determinant;
             let dual_b = (side_b * aa - side_a * ab) / determinant;
-            let within = |dual: &Vec3| format!("(abs({})<=0.5)", along(point, dual));
+            let within = |dual: &Vec3| format!("(abs({})<=0.5)", along(point, dual, lowest));
             Some(format!("{}*{}", within(&dual_a), within(&dual_b)))
         }
     }
@@ -158,7 +161,7 @@ fn opening_formula(plane: &GatePlane) -> Option<String> {
 impl GateText<'_> {
     /// Formula of the distance s of a centre from the plane \[m\].
     pub fn distance(&self) -> String {
-        distance(self.plane())
+        along(&self.plane().point, &self.plane().normal, None)
     }
 
     fn plane(&self) -> &GatePlane {
@@ -226,8 +229,9 @@ impl GateText<'_> {
                 ),
             };
         }
-        let s = self.lowest.clone().unwrap_or_else(|| distance(plane));
-        let opening = opening_formula(plane).map_or_else(String::new, |formula| format!("*{formula}"));
+        let s = along(&plane.point, &plane.normal, self.lowest.as_ref());
+        let opening =
+            opening_formula(plane, self.lowest.as_ref()).map_or_else(String::new, |formula| format!("*{formula}"));
         format!("variable behind_{id} atom ({s}>=0){opening}\nvariable before_{id} atom ({s}<0)\n")
     }
 

@@ -2,7 +2,7 @@
 
 use super::DeckOrder;
 use super::events::Events;
-use super::gates::{GateText, domain_removal};
+use super::gates::{GateText, domain_removal, radius_variable};
 use super::names::lines;
 use super::sections::block;
 use super::template::Templates;
@@ -34,6 +34,7 @@ pub fn gates_section(
         );
         helpers.push("group crossing subtract all all          # who has passed it since the last sample".to_owned());
     }
+    helpers.extend(gates.iter().any(|gate| gate.lowest.is_some()).then(|| radius_variable(order.scene)));
     let contacts = if order.records_contacts() { contact_computes(order, gates, walls) } else { String::new() };
     templates.fill(
         "gates.in",

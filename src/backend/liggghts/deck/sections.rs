@@ -20,7 +20,8 @@ pub fn render(order: &DeckOrder<'_>) -> Result<String, String> {
     let templates = Templates::new(order.settings.templates.as_deref());
     let models = parameters::models(&scene.law, &scene.materials).map_err(|faults| faults.join("\n"))?;
     let walls: Vec<Wall<'_>> = walls(scene, &order.schedule, !order.records_contacts());
-    let wall_text = WallText { walls: &walls, models: &models, contacts: order.records_contacts() };
+    let beyond = order.bounds.minimum[0] - 100.0 * (order.bounds.maximum[0] - order.bounds.minimum[0]);
+    let wall_text = WallText { walls: &walls, models: &models, contacts: order.records_contacts(), beyond };
     let gates: Vec<GateText<'_>> = gates(scene, order.records, &order.schedule, order.settings.contacts);
     let own = |place: DeckPlace| -> String {
         let given = order.settings.lines.get(&place).into_iter().flatten();

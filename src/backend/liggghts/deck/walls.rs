@@ -20,6 +20,8 @@ pub struct WallText<'a> {
     pub models: &'a Models,
     /// Whether contacts with meshes are looked at.
     pub contacts: bool,
+    /// A place on the x axis far outside of the box [m].
+    pub beyond: f64,
 }
 
 impl WallText<'_> {
@@ -75,6 +77,18 @@ impl WallText<'_> {
             let (count, list) = (meshes.len(), meshes.join(" "));
             let command = format!("fix walls all wall/gran {model} mesh n_meshes {count} meshes {list} {options}");
             text += &lines([command]);
+        }
+        if self.walls.iter().all(|wall| wall.part.material > 0) {
+            text += &lines([
+                "# LIGGGHTS asks for somebody of type 1 at every set-up, also while the box is empty: a plane far outside of it.".to_owned(),
+                format!(
+                    "fix first_type all wall/gran {} primitive type 1 xplane {}{}{}",
+                    self.models.wall_model,
+                    deck_number(self.beyond),
+                    if self.models.wall_options.is_empty() { "" } else { " " },
+                    self.models.wall_options,
+                ),
+            ]);
         }
         text
     }

@@ -52,6 +52,18 @@ pub struct Recordings {
     bytes: u64,
 }
 
+/// Distances of centres from the gate plane \[m\], before (negative) and behind it, between which a deck must sample particles, where none
+/// is faster than `speed` \[m/s\]: those on paths, those that pass, and those that have not yet been taken out. Beside an aperture
+/// the samples must reach a path's length and a diameter farther.
+#[must_use]
+pub fn slab(scene: &Scene, order: &Recording, schedule: &Schedule, speed: f64) -> [f64; 2] {
+    let recorder = recording::recorder(scene, order, schedule.timestep, schedule.cadence);
+    let [look, batch] = [schedule.cadence.look, schedule.cadence.hand_over].map(|steps| speed * schedule.time(steps));
+    // The passing point lies up to a radius beside the centre.
+    let beside = 0.5 * scene.largest_diameter() * recorder.passing_point().abs();
+    [-(recorder.band() + look + beside), order.gate.exclusion.length + batch + beside]
+}
+
 /// What is the same for all gates.
 #[derive(Debug)]
 struct World {
@@ -283,7 +295,8 @@ impl GateRecording {
             let (tag, kind) = (row.tag, row.kind);
             let (particles, materials) = (world.ids.len(), world.materials);
             let reason = format!(
-                "it holds particle {tag} of type {kind}; there are {particles} particles and {materials} materials: it is of another case; run the stage again"
+                "it holds particle {tag} of type {kind}; there are {particles} particles and {materials} materials: it is of another \
+                 case; run the stage again"
             );
             return Err(StorageError::unusable(path, reason).into());
         }
