@@ -371,7 +371,7 @@ fn two_digits_are_kept_and_never_rounded_up() {
 
 #[test]
 fn requirements_meet_capabilities() {
-    use super::choose::{Capabilities, Requirement, requirements};
+    use super::choose::{Capabilities, Requirement, requirements, verdict};
     let mut scene = scene();
     assert_eq!(requirements(&scene), [Requirement::HertzMindlinLaw]);
     scene.law.rolling = RollingLaw::Epsd2;
@@ -385,7 +385,7 @@ fn requirements_meet_capabilities() {
     for need in [Requirement::Epsd2Rolling, Requirement::EnergyBudget] {
         assert!(text.contains(need.words()), "{text}");
     }
-    let liggghts = super::choose::verdict(&scene, &Capabilities::liggghts());
+    let liggghts = verdict(&scene, &Capabilities::liggghts());
     assert_eq!(liggghts.missing, [Requirement::EnergyBudget], "it has EPSD2");
 }
 

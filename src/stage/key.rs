@@ -223,6 +223,7 @@ mod tests {
             replays: &replays,
             streams,
             kick: None,
+            external: None,
         };
         StageKey::new(&job.scene, &choices)
     }
