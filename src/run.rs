@@ -16,12 +16,14 @@ mod streams;
 mod summary;
 
 use crate::backend::BackendError;
-use crate::backend::native;
 use crate::backend::stage::Kick;
+use crate::backend::{liggghts, native};
 use crate::exit_code;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
+use crate::plan::choose::{BackendVerdict, Capabilities, verdict};
 use crate::plan::{Plan, plan};
+use crate::scene::backend::BackendName;
 use crate::scene::{self, Finding, Scene};
 use crate::stage::key::StageKey;
 use crate::stage::split::{StageJob, stage_jobs, whole_jobs, why_not_whole};
@@ -250,11 +252,16 @@ fn chosen(jobs: &[StageJob], stages: &[String], whole: bool) -> Result<Vec<usize
     Ok((0..jobs.len()).filter(|&index| stages.contains(&jobs[index].name)).collect())
 }
 
-/// The plan of a scene, unless it refuses, or a backend that is to compute something cannot.
+/// The plan of a scene, unless it refuses, or a backend cannot do what it is to compute.
 fn accepted_plan(scene: &Scene, jobs: &[StageJob], force: bool) -> Result<Plan, RunError> {
-    let plan = plan(scene, None);
-    let asked = |name: &str| jobs.iter().any(|job| job.backend.text() == name);
-    if plan.backends.iter().any(|verdict| asked(&verdict.backend) && !verdict.can()) {
+    let mut plan = plan(scene, None);
+    let verdicts = jobs.iter().map(|job| match job.backend {
+        BackendName::Native => verdict(&job.scene, &Capabilities::native()),
+        BackendName::Liggghts => liggghts::verdict(&job.scene, &job.records, &job.replays),
+    });
+    let failing: Vec<BackendVerdict> = verdicts.filter(|verdict| !verdict.can()).collect();
+    if !failing.is_empty() {
+        plan.backends = failing;
         return Err(RunError::NoBackend(Box::new(plan)));
     }
     if plan.is_refused() && !force {

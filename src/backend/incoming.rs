@@ -132,7 +132,7 @@ pub fn account(
 
 /// How the cut is judged, where the stream tells what came through it.
 #[must_use]
-pub fn judged(manifest: &Manifest, overlaps: OverlapFigures, path: PathMode) -> Option<Quality> {
+pub fn judged(manifest: &Manifest, overlaps: Option<OverlapFigures>, path: PathMode) -> Option<Quality> {
     let figures = |name: &str| manifest.quality.get(name).cloned();
     let tally: RecordTally = serde_json::from_value(figures("recorded")?).ok()?;
     let crossings = serde_json::from_value(figures("crossings")?).ok()?;

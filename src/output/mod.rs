@@ -4,6 +4,7 @@
 //! that a run killed at any moment leaves readable files. Nothing here knows a solver: writers take plain slices.
 //! `docs/formats.md` lists every file with its columns and units.
 
+pub mod final_state;
 pub mod lammps;
 pub mod progress;
 pub mod pvd;

@@ -6,13 +6,11 @@ use crate::analysis::centre_of_mass::centre_of_mass;
 use crate::analysis::compare::{Comparison, GateRecord, HeapRecord, RunRecord, compare};
 use crate::analysis::surface_profile::surface_profile;
 use crate::exit_code;
-use crate::math::vec3;
+use crate::output::final_state;
 use crate::output::summary::Summary;
-use crate::particle::{ParticleId, ParticleState};
 use crate::report::comparison::picture;
 use crate::scene::{self, MeasureKind, Scene};
 use crate::storage::StorageError;
-use crate::storage::columns::ColumnReader;
 use crate::storage::staging::write_whole;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -210,7 +208,7 @@ impl Reading<'_> {
             }
         };
         let mut heaps = Vec::new();
-        for (prefix, checkpoint) in final_states(folder) {
+        for (prefix, state) in final_states(folder) {
             let measured = scene.measures.iter().filter_map(|measure| match &measure.kind {
                 MeasureKind::AngleOfRepose { region, along } => {
                     Some((format!("{prefix}{}", measure.name), region, *along))
@@ -223,7 +221,7 @@ impl Reading<'_> {
             if measured.is_empty() {
                 continue;
             }
-            let particles = final_particles(&checkpoint)?;
+            let particles = final_state::read(&state)?;
             for (name, region, along) in measured {
                 let Ok(heap) = angle_of_repose(&particles, scene.body, region, along) else { continue };
                 let profile = surface_profile(&particles, region, along, heap.bin_width);
@@ -273,43 +271,16 @@ fn scene_of(summary: &Summary) -> Result<Scene, String> {
     })
 }
 
-/// Checkpoints of a run's last states, with what stands before the names of the measures taken there.
+/// Files of a run's last states, with what stands before the names of the measures taken there.
 fn final_states(folder: &Path) -> Vec<(String, PathBuf)> {
-    let whole = (String::new(), folder.join("state.checkpoint"));
-    let Ok(entries) = fs::read_dir(folder.join("stages")) else {
-        return vec![whole].into_iter().filter(is_there).collect();
-    };
-    let mut stages: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    stages.sort();
-    let named = stages
-        .iter()
-        .filter_map(|stage| Some((format!("{}.", stage.file_name()?.to_str()?), stage.join("state.checkpoint"))));
-    std::iter::once(whole).chain(named).filter(is_there).collect()
-}
-
-fn is_there((_, checkpoint): &(String, PathBuf)) -> bool {
-    checkpoint.is_file()
-}
-
-/// Particles of a checkpoint, as far as measures of the final state need them: velocity and spin stay zero.
-pub(super) fn final_particles(checkpoint: &Path) -> Result<Vec<ParticleState>, StorageError> {
-    let reader = ColumnReader::open(checkpoint, "checkpoint")?;
-    let (spheres, densities) = (reader.f64s("sphere")?, reader.f64s("density")?);
-    let (ids, materials) = (reader.u64s("id")?, reader.u64s("material")?);
-    if [spheres.len(), 4 * ids.len(), 4 * materials.len()].iter().any(|length| *length != 4 * densities.len()) {
-        let reason = "its columns hold different numbers of particles; run it again";
-        return Err(StorageError::unusable(checkpoint, reason));
+    let mut folders = vec![(String::new(), folder.to_path_buf())];
+    if let Ok(entries) = fs::read_dir(folder.join("stages")) {
+        let mut stages: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        stages.sort();
+        let named = |stage: PathBuf| Some((format!("{}.", stage.file_name()?.to_str()?), stage));
+        folders.extend(stages.into_iter().filter_map(named));
     }
-    let particle = |k: usize| ParticleState {
-        id: ParticleId(ids[k]),
-        material: materials[k] as u16,
-        radius: spheres[4 * k + 3],
-        density: densities[k],
-        position: vec3(spheres[4 * k], spheres[4 * k + 1], spheres[4 * k + 2]),
-        velocity: vec3(0.0, 0.0, 0.0),
-        spin: vec3(0.0, 0.0, 0.0),
-    };
-    Ok((0..densities.len()).map(particle).collect())
+    folders.into_iter().filter_map(|(prefix, folder)| Some((prefix, final_state::place(&folder)?))).collect()
 }
 
 #[cfg(test)]

@@ -182,17 +182,23 @@ pub fn lines(gates: &[Value]) -> Vec<String> {
         }
         for one in gate["replayed"].as_array().into_iter().flatten() {
             let arrivals = &one["arrivals"];
-            lines.push(format!(
-                "gate '{name}' into {}: {} of {} arrived, {} bit-equal, path {}, cut {}, largest ghost overlap {:.1} % of the radius, momentum closed to {:.1e}",
+            let mut line = format!(
+                "gate '{name}' into {}: {} of {} arrived, {} bit-equal, path {}, cut {}",
                 one["stage"].as_str().unwrap_or_default(),
                 arrivals["arrived"]["count"],
                 arrivals["recorded"]["count"],
                 arrivals["bit_equal"],
                 one["path"].as_str().unwrap_or_default(),
                 one["quality"]["grade"].as_str().unwrap_or("not judged"),
-                100.0 * number(&one["quality"]["overlaps"]["largest_share"]),
-                number(&one["momentum"]["closure_error"]),
-            ));
+            );
+            // An external code tells neither.
+            if let Some(share) = one["quality"]["overlaps"]["largest_share"].as_f64() {
+                line += &format!(", largest ghost overlap {:.1} % of the radius", 100.0 * share);
+            }
+            if let Some(error) = one["momentum"]["closure_error"].as_f64() {
+                line += &format!(", momentum closed to {error:.1e}");
+            }
+            lines.push(line);
         }
     }
     lines

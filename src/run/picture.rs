@@ -1,6 +1,5 @@
 //! The picture of a run's last state: of one stage, and of all last stages of a cut scene side by side.
 
-use super::comparison::final_particles;
 use super::stage::StageOutcome;
 use super::summary::event_text;
 use crate::analysis::MeasureResult;
@@ -10,6 +9,7 @@ use crate::backend::stage::StageResult;
 use crate::exit_code;
 use crate::geometry::part::{Part, Trigger};
 use crate::math::{Bounds, Vec3};
+use crate::output::final_state;
 use crate::output::summary::{EventSummary, Summary};
 use crate::particle::ParticleState;
 use crate::report::outline::{Outline, gate_outline, outline};
@@ -86,7 +86,8 @@ pub fn draw_stages(
     let mut finished = Vec::new();
     for job in jobs.iter().filter(|job| job.is_leaf) {
         let Some(outcome) = outcome_of(job) else { continue };
-        let particles = final_particles(&outcome.folder.join("state.checkpoint"))?;
+        let Some(state) = final_state::place(&outcome.folder) else { continue };
+        let particles = final_state::read(&state)?;
         finished.push(Finished { job, outcome, particles });
     }
     if finished.is_empty() {

@@ -13,6 +13,7 @@ use crate::gate::id_map::IdMap;
 use crate::gate::stream::format::StoredEvent;
 use crate::geometry::part::Trigger;
 use crate::math::Vec3;
+use crate::output::final_state;
 use crate::output::lammps::DumpReader;
 use crate::output::timing::{Phase, ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
@@ -87,7 +88,8 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
         timing: Timing::default(),
         used: ProcessUse { cpu_s: run.finished.cpu_s, peak_memory_bytes: run.finished.peak_memory_bytes },
     };
-    result.warnings.extend(run.finished.warnings.iter().map(|warning| format!("LIGGGHTS: {warning}")));
+    let told = run.finished.warnings.iter().filter(|warning| !is_known(warning));
+    result.warnings.extend(told.map(|warning| format!("LIGGGHTS: {warning}")));
     if !ended {
         result.end = EndReason::Interrupted;
         return Ok(result);
@@ -100,6 +102,7 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
     let rows = series::convert(scene, &states.schedule, case, request.folder, &result.removed, &run.prepared)?;
     result.particle_steps = series::particle_steps(&rows);
     states.write_frames(request.folder, &result)?;
+    final_state::write(request.folder, &result.particles)?;
     if scene.measures.iter().any(|measure| matches!(measure.kind, MeasureKind::CoordinationNumber { .. })) {
         let Touching { pairs, walls } = touching(scene, run.plan, &result.particles, &result.present, result.time);
         (result.contacts, result.wall_contacts) = (pairs, walls);
@@ -115,6 +118,12 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
     result.timing.add(Phase::Output, reading.elapsed());
     result.timing.close(wall);
     Ok(result)
+}
+
+/// Warnings of what our decks do on purpose, and empty ones.
+fn is_known(warning: &str) -> bool {
+    // Contacts are recorded of meshes only, and planes are meshes where they are.
+    warning.trim().is_empty() || warning.starts_with("Compute wall/gran/local detected primitive wall")
 }
 
 /// Parts that came and went, as printed.

@@ -41,10 +41,10 @@ pub struct Quality {
     pub crossings: CrossingFigures,
     /// Returns over the plane per crossing \[-\].
     pub back_flow_share: f64,
-    /// Contacts of ghosts with residents.
-    pub overlaps: OverlapFigures,
+    /// Contacts of ghosts with residents; `None` where nobody looked.
+    pub overlaps: Option<OverlapFigures>,
     /// Share of the looks with such contacts at which one was deeper than a tenth of the radius \[-\].
-    pub deep_share: f64,
+    pub deep_share: Option<f64>,
     /// What should be known, with the figures.
     pub warnings: Vec<String>,
 }
@@ -63,7 +63,7 @@ const BACK_FLOW: Limits = (0.01, 0.1);
 pub fn judge(
     crossings: CrossingFigures,
     recorded: &RecordTally,
-    overlaps: OverlapFigures,
+    overlaps: Option<OverlapFigures>,
     exclusion: ExclusionMode,
     path: PathMode,
 ) -> Quality {
@@ -83,7 +83,9 @@ pub fn judge(
         );
         found.push((grade, text));
     }
-    if let Some(grade) = above(overlaps.largest_share, OVERLAP) {
+    if let Some(overlaps) = &overlaps
+        && let Some(grade) = above(overlaps.largest_share, OVERLAP)
+    {
         let [x, y, z] = overlaps.place_m;
         let text = format!(
             "a ghost was driven {} of the radius into a resident at {:.6} s, at ({x:.6}, {y:.6}, {z:.6}) m; {} of the looks with \
@@ -112,7 +114,7 @@ pub fn judge(
         crossings,
         back_flow_share,
         overlaps,
-        deep_share: overlaps.deep_share(),
+        deep_share: overlaps.as_ref().map(OverlapFigures::deep_share),
         warnings: found.into_iter().map(|(_, text)| text).collect(),
     }
 }
@@ -183,7 +185,7 @@ mod tests {
             largest_overlap_share: 0.02,
         };
         let recorded = RecordTally { recorded: 1000, ..RecordTally::default() };
-        judge(crossings, &recorded, OverlapFigures::default(), exclusion, path)
+        judge(crossings, &recorded, None, exclusion, path)
     }
 
     #[test]
@@ -220,17 +222,17 @@ mod tests {
         assert!(dense.warnings[2].starts_with("63.0 % of the crossings are slower than 0.343 m/s"));
         let recorded =
             RecordTally { recorded: 200, returned: 5, returned_farthest_m: 0.0012, ..RecordTally::default() };
-        let overlaps = OverlapFigures {
+        let overlaps = Some(OverlapFigures {
             looks: 40,
             deep_looks: 10,
             largest_m: 0.0012,
             largest_share: 0.6,
             place_m: [0.1, 0.2, 0.3],
             time_s: 1.5,
-        };
+        });
         let free = CrossingFigures::default();
         let quality = judge(free, &recorded, overlaps, ExclusionMode::Buffer, PathMode::Recorded);
-        assert_eq!((quality.grade, quality.back_flow_share, quality.deep_share), (Grade::Bad, 0.025, 0.25));
+        assert_eq!((quality.grade, quality.back_flow_share, quality.deep_share), (Grade::Bad, 0.025, Some(0.25)));
         assert!(quality.warnings[0].contains("60.0 % of the radius into a resident at 1.500000 s, at (0.100000"));
         assert!(
             quality.warnings[1].starts_with("5 returns over the plane on 200 crossings (2.5 %), up to 1.200 mm back")

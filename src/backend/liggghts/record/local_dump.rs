@@ -207,7 +207,7 @@ mod tests {
         let path = folder.path().join("pairs");
         let mut dump = LocalDump::new(path.clone());
         assert_eq!(rows_of(&mut dump, 0).unwrap(), None, "it is not there yet");
-        let mut append = |text: &str| {
+        let append = |text: &str| {
             let mut file = OpenOptions::new().create(true).append(true).open(&path).unwrap();
             file.write_all(text.as_bytes()).unwrap();
         };

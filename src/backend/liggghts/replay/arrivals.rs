@@ -7,7 +7,6 @@ use crate::backend::liggghts::files;
 use crate::backend::stage::ReplayResult;
 use crate::gate::crossing::{ContactPartner, StoredContact};
 use crate::gate::ledger::{ArrivalBook, Bars, Histories};
-use crate::gate::quality::OverlapFigures;
 use crate::gate::replay::{Due, ReplayTally, Replayer};
 use crate::gate::stream::format::Manifest;
 use crate::math::{Vec3, vec3};
@@ -171,7 +170,7 @@ impl Books {
             let all_stored = arrivals.bit_equal == arrivals.arrived.count;
             Ok(ReplayResult {
                 exact: stream.replayer.is_exact() && order.replay.path == PathMode::Recorded && all_stored,
-                quality: incoming::judged(&stream.manifest, OverlapFigures::default(), order.replay.path),
+                quality: incoming::judged(&stream.manifest, None, order.replay.path),
                 name: order.name,
                 replay: order.replay,
                 tally: stream.tally,

@@ -265,7 +265,7 @@ impl Arrivals {
         let arrivals = incoming::account(&self.order, self.book, finished, self.body)?;
         let (overlaps, backed_up) = self.pressure.finish();
         Ok(ReplayResult {
-            quality: incoming::judged(&self.manifest, overlaps, self.order.replay.path),
+            quality: incoming::judged(&self.manifest, Some(overlaps), self.order.replay.path),
             exact: self.replayer.is_exact(),
             tally: self.replayer.tally(),
             name: self.order.name,
