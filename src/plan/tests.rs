@@ -371,7 +371,7 @@ fn two_digits_are_kept_and_never_rounded_up() {
 
 #[test]
 fn requirements_meet_capabilities() {
-    use super::choose::{Capabilities, Requirement, requirements};
+    use super::choose::{Capabilities, Requirement, requirements, verdict};
     let mut scene = scene();
     assert_eq!(requirements(&scene), [Requirement::HertzMindlinLaw]);
     scene.law.rolling = RollingLaw::Epsd2;
@@ -381,7 +381,12 @@ fn requirements_meet_capabilities() {
     let other = Capabilities { backend: "other".to_owned(), can: vec![Requirement::HertzMindlinLaw] };
     plan.add_backend(&scene, &other);
     assert_eq!(plan.backends[1].missing, [Requirement::Epsd2Rolling, Requirement::EnergyBudget]);
-    assert!(plan.to_text().contains("lacks Epsd2Rolling, EnergyBudget"));
+    let text = plan.to_text();
+    for need in [Requirement::Epsd2Rolling, Requirement::EnergyBudget] {
+        assert!(text.contains(need.words()), "{text}");
+    }
+    let liggghts = verdict(&scene, &Capabilities::liggghts());
+    assert_eq!(liggghts.missing, [Requirement::EnergyBudget], "it has EPSD2");
 }
 
 #[test]

@@ -54,9 +54,12 @@ mod tests {
         verdict(&scene, &[], &[])
     }
 
+    const NO_BUDGET: (&str, &str) = ("output.energy", "false");
+
     #[test]
-    fn the_default_scene_can() {
-        let verdict = on(&[]);
+    fn the_default_scene_can_without_its_energy_budget() {
+        assert!(!on(&[]).can());
+        let verdict = on(&[NO_BUDGET]);
         assert!(verdict.can() && verdict.reasons.is_empty(), "{verdict:?}");
     }
 
@@ -75,7 +78,7 @@ mod tests {
 
     #[test]
     fn a_value_that_it_does_not_take_is_a_no_without_anything_missing() {
-        let verdict = on(&[("pair.0.restitution", "0.04")]);
+        let verdict = on(&[NO_BUDGET, ("pair.0.restitution", "0.04")]);
         assert!(!verdict.can() && verdict.missing.is_empty() && verdict.reasons.len() == 1, "{verdict:?}");
     }
 
@@ -97,7 +100,7 @@ mod tests {
             compliance: 0.001,
         };
         let verdict = verdict(&scene, &[], &[replay]);
-        assert_eq!(verdict.missing, [Requirement::CompliantGhosts]);
-        assert!(verdict.reasons[0].contains("path = \"recorded\""));
+        assert_eq!(verdict.missing, [Requirement::EnergyBudget, Requirement::CompliantGhosts]);
+        assert!(verdict.reasons.iter().any(|reason| reason.contains("path = \"recorded\"")), "{verdict:?}");
     }
 }
