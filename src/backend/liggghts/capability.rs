@@ -20,7 +20,6 @@ pub fn refusals<'a>(
             found.push(format!("LIGGGHTS lacks {}, or use the native solver", requirement.words()));
         }
     };
-    lacks(Requirement::EnergyBudget, scene.output.energy);
     lacks(Requirement::CompliantGhosts, replays.into_iter().any(|replay| replay.path == PathMode::Compliant));
     found
 }
@@ -65,13 +64,10 @@ mod tests {
 
     #[test]
     fn what_is_lacking_is_named_with_advice() {
-        let verdict =
-            on(&[("contact.tangential", "\"incremental\""), ("output.energy", "true"), ("pair.0.restitution", "0.04")]);
+        let verdict = on(&[("contact.tangential", "\"incremental\""), ("pair.0.restitution", "0.04")]);
         let text = verdict.reasons.join("\n");
-        assert!(
-            !verdict.can() && verdict.missing == [Requirement::IncrementalTangentialLaw, Requirement::EnergyBudget]
-        );
-        for part in ["output.energy = false", "use \"total\"", "between `glass` and `glass` it is 0.04"] {
+        assert!(!verdict.can() && verdict.missing == [Requirement::IncrementalTangentialLaw]);
+        for part in ["use \"total\"", "between `glass` and `glass` it is 0.04"] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }
     }
@@ -100,7 +96,7 @@ mod tests {
             compliance: 0.001,
         };
         let verdict = verdict(&scene, &[], &[replay]);
-        assert_eq!(verdict.missing, [Requirement::EnergyBudget, Requirement::CompliantGhosts]);
+        assert_eq!(verdict.missing, [Requirement::CompliantGhosts]);
         assert!(verdict.reasons.iter().any(|reason| reason.contains("path = \"recorded\"")), "{verdict:?}");
     }
 }

@@ -148,6 +148,9 @@ fn warnings(scene: &Scene, request: &StageRequest, prepared: &Prepared) -> Vec<S
             order.name
         ));
     }
+    if scene.output.energy {
+        warnings.push("LIGGGHTS keeps no energy budget: series.csv has its kinetic energies only".to_owned());
+    }
     if scene.output.contacts {
         warnings.push("frames of LIGGGHTS stages have no contact lines".to_owned());
     }
