@@ -15,7 +15,7 @@ const THINNEST: f64 = 4.0;
 ///    others has nothing to do for much of the run;
 /// 3. the fullest rank has the least to do, if the particles are spread evenly over the box around what brings them in (feeds
 ///    of the stage; where there are none, its parts): LIGGGHTS cuts the box into equal shares, wherever in it the particles are;
-///    differences of less than a hundredth of all particles do not count;
+///    differences of about a twentieth of all particles do not count;
 /// 4. the cuts have the least area, over which ranks tell each other of their particles;
 /// 5. more ranks along x, then along y.
 ///
@@ -47,7 +47,7 @@ fn choose(ranks: u32, all: &Bounds, occupied: &Bounds, vertical: Option<usize>, 
         let thin = (0..3).any(|axis| grid[axis] > 1 && size[axis] / f64::from(grid[axis]) < thinnest);
         let stacked = vertical.is_some_and(|axis| grid[axis] > 1);
         let fullest: f64 = (0..3).map(|axis| fullest_share(grid[axis], all, occupied, axis)).product();
-        (thin, stacked, (100.0 * fullest).round(), cut_area(grid, &size))
+        (thin, stacked, (20.0 * fullest).round(), cut_area(grid, &size))
     };
     let order = |a: &[u32; 3], b: &[u32; 3]| {
         let ((thin_a, stacked_a, full_a, area_a), (thin_b, stacked_b, full_b, area_b)) = (rank(a), rank(b));
