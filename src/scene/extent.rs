@@ -137,7 +137,7 @@ pub(super) fn of_face(face: &Face) -> Bounds {
 }
 
 /// Bounds of all that a feed brings in.
-pub(super) fn of_feed(kind: &FeedKind) -> Bounds {
+pub(crate) fn of_feed(kind: &FeedKind) -> Bounds {
     match kind {
         FeedKind::Fill { region, .. } => of_region(region),
         FeedKind::Stream { face, .. } => of_face(face),

@@ -3,6 +3,7 @@
 use super::names::{comment, file_name, identifiers, vector};
 use super::parts::across;
 use super::template::Templates;
+use crate::backend::liggghts::record::slab;
 use crate::backend::liggghts::{COLUMNS, Schedule, deck_number, files, groups};
 use crate::geometry::plane::{Aperture, GatePlane};
 use crate::math::{Bounds, Vec3};
@@ -31,7 +32,9 @@ pub struct GateText<'a> {
     hands_over: bool,
     /// Whether the deck must know who has passed since the last sample.
     finds_crossings: bool,
+    /// Distances before and behind the plane within which particles are sampled \[m\].
     near: (f64, f64),
+    /// How far beside the opening they are sampled \[m\].
     margin: f64,
     /// Unit vector along gravity, where a particle's lowest point is what passes.
     pub lowest: Option<Vec3>,
@@ -43,22 +46,19 @@ pub fn gates<'a>(scene: &Scene, records: &'a [Recording], schedule: &Schedule, c
     let ids = identifiers(records.iter().map(|recording| recording.gate.name.as_str()));
     let diameter = scene.largest_diameter();
     let speed = super::bounds::speed_limit(scene);
-    let (look, batch) =
-        (speed * schedule.time(schedule.cadence.look), speed * schedule.time(schedule.cadence.hand_over));
     let text = |(recording, id): (&'a Recording, String)| {
         let gate = &recording.gate;
-        let path = gate.paths.map_or(0.0, |paths| paths.length);
         let down = scene.gravity.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
         let lowest = (gate.passage == PassingPoint::LowestPoint).then_some(down);
-        let ahead = lowest.map_or(0.0, |down| down.dot(&gate.plane.normal).abs() * 0.5 * diameter);
-        let before = 2.0 * (path + 0.25 * diameter).max(0.25 * diameter) + look + ahead;
+        let [from, to] = slab(scene, recording, schedule, speed);
         GateText {
             gate,
             id,
             hands_over: !recording.observes,
             finds_crossings: !recording.observes || contacts,
-            near: (before, 2.0 * gate.exclusion.length + batch + ahead),
-            margin: diameter + batch,
+            near: (-from, to),
+            // Who comes from the side or leaves to the side is seen on the whole of a path that is as long sideways as along.
+            margin: (-from).max(to) + diameter,
             lowest,
         }
     };

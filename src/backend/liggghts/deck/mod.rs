@@ -7,6 +7,7 @@ mod motion;
 pub mod names;
 mod output;
 mod parts;
+mod processors;
 mod refusals;
 mod run;
 mod sections;

@@ -5,7 +5,7 @@ use super::names::{comment, vector};
 use super::parts::{Wall, walls};
 use super::template::Templates;
 use super::walls::WallText;
-use super::{DeckOrder, output, run};
+use super::{DeckOrder, output, processors, run};
 use crate::backend::liggghts::parameters::{self, Models};
 use crate::backend::liggghts::{deck_number, files, groups};
 use crate::math::Bounds;
@@ -74,7 +74,19 @@ fn head(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, String> 
 
 fn system(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, String> {
     let boundary = order.scene.domain.periodic.map(|periodic| if periodic { "p" } else { "f" }).join(" ");
-    let processors = order.settings.processors.map_or_else(String::new, |[x, y, z]| format!("processors {x} {y} {z}"));
+    let processors = match order.settings.processors {
+        Some([x, y, z]) => {
+            format!("processors {x} {y} {z}                         # ranks along x, y, z, as the scene says")
+        }
+        None if order.settings.ranks > 1 => {
+            let [x, y, z] = processors::grid(order);
+            format!(
+                "processors {x} {y} {z}                         # ranks along x, y, z: each gets its share of the particles, \
+                 and none is above another where that can be"
+            )
+        }
+        None => String::new(),
+    };
     templates.fill(
         "system.in",
         &[
