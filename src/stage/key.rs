@@ -92,6 +92,8 @@ impl From<&Replay> for ReplayChoice {
 const OUTPUT_KEYS: [&str; 2] = ["output", "measures"];
 /// Keys of the scene that say how it is split; what a stage has of them is among the choices.
 const SPLIT_KEYS: [&str; 2] = ["gates", "stages"];
+/// Keys of `[liggghts]` that say how it is started and what is kept of it.
+const STARTING_KEYS: [&str; 3] = ["mpirun", "time_limit", "keep_samples"];
 
 impl StageKey {
     /// The key of a scene under these choices. Comments, the scene's name, paths and the number of threads are not in it; the
@@ -139,6 +141,9 @@ impl StageKey {
         let mut content = to_map(scene);
         content.remove("name");
         without_unused_codes(scene, &mut content);
+        if let Some(Value::Object(settings)) = content.get_mut("liggghts") {
+            STARTING_KEYS.iter().for_each(|key| drop(settings.remove(*key)));
+        }
         let outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
         content.insert("whole".to_owned(), whole.into());
@@ -265,6 +270,18 @@ mod tests {
         }
         let other_name = [("title", "another")];
         assert_eq!(stage("plate", &other_name).key, plate.key);
+    }
+
+    #[test]
+    fn how_an_external_code_is_started_is_in_no_key_of_a_run() {
+        let key = |settings: &[(&str, &str)]| StageKey::of_run(&scene(settings), false, None).key;
+        let plain = key(&[]);
+        for (name, value) in [("mpirun", "[\"--oversubscribe\"]"), ("time_limit", "\"2 h\""), ("keep_samples", "true")]
+        {
+            assert_eq!(key(&[(&format!("liggghts.{name}"), value)]), plain, "{name}");
+        }
+        assert_ne!(key(&[("liggghts.sample_every", "10")]), plain);
+        assert_ne!(key(&[("liggghts.ranks", "2")]), plain);
     }
 
     #[test]

@@ -1,6 +1,13 @@
 //! LIGGGHTS as a backend, on the real program: these tests need it and fail where it is missing (`./run-tests` installs it).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[expect(dead_code, reason = "shared with the other targets")]
+#[path = "../common/draw.rs"]
+mod draw;
+#[expect(dead_code, reason = "shared with the other targets")]
+#[path = "../common/program.rs"]
+mod program;
+
 mod by_hand;
 mod cross;
 mod deck;
@@ -9,4 +16,5 @@ mod faults;
 mod launching;
 mod recording;
 mod replay;
+mod stages;
 mod suite;
