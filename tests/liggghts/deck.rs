@@ -75,13 +75,14 @@ pub fn run_on(ranks: u32, case: &Path) -> String {
     let said = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(done.status.success(), "{}\n{said}", done.status);
     assert!(!said.contains("ERROR"), "{said}");
-    let known = "The contact model you specified is not located in any whitelist.";
+    // LIGGGHTS does not list this combination of models, and contacts are recorded of meshes only.
+    let known = ["The contact model you specified is not located", "Compute wall/gran/local detected primitive wall"];
     let mut lines = said.lines();
     while let Some(line) = lines.next() {
-        assert!(
-            !line.starts_with("WARNING") || lines.next().is_some_and(|next| next.trim() == known),
-            "{line}\n{said}"
-        );
+        if let Some(warning) = line.strip_prefix("WARNING:") {
+            let warning = if warning.trim().is_empty() { lines.next().unwrap_or_default() } else { warning };
+            assert!(known.iter().any(|known| warning.trim().starts_with(known)), "{warning}\n{said}");
+        }
     }
     said
 }
@@ -212,7 +213,7 @@ fn the_sinter_chute_is_taken_as_it_is() {
 }
 
 /// Materials, a domain of 400 mm edge, and no gravity where `gravity` is 0.
-fn inline(gravity: f64, parts: &str) -> Scene {
+pub fn inline(gravity: f64, parts: &str) -> Scene {
     let head = format!(
         r#"
 version = 1

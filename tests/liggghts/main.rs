@@ -11,6 +11,7 @@ mod by_hand;
 mod cross;
 mod deck;
 mod doctor;
+mod fates;
 mod faults;
 mod launching;
 mod recording;
