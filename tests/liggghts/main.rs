@@ -1,7 +1,6 @@
 //! LIGGGHTS as a backend, on the real program: these tests need it and fail where it is missing (`./run-tests` installs it).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-#[expect(dead_code, reason = "shared with the other targets")]
 #[path = "../common/draw.rs"]
 mod draw;
 #[expect(dead_code, reason = "shared with the other targets")]
