@@ -5,7 +5,7 @@ use super::streams::{self, StreamInput};
 use super::{RunError, RunRequest, picture, summary};
 use crate::analysis::{MeasureResult, Observed, evaluate};
 use crate::backend::BackendError;
-use crate::backend::stage::{Kick, StageRequest, StageResult};
+use crate::backend::stage::{EndReason, Kick, StageRequest, StageResult};
 use crate::backend::{liggghts, native};
 use crate::exit_code;
 use crate::output::summary::Summary;
@@ -145,8 +145,12 @@ fn compute(
             return Err(error.into());
         }
     };
-    let measures = measured(&job.scene, &result, place)?;
-    picture::draw(&job.scene, &result, &measures, place)?;
+    // Of an external code that was interrupted no state has been read: it starts over.
+    let has_state = job.backend == BackendName::Native || result.end != EndReason::Interrupted;
+    let measures = if has_state { measured(&job.scene, &result, place)? } else { Vec::new() };
+    if has_state {
+        picture::draw(&job.scene, &result, &measures, place)?;
+    }
     let summary = summary::of(order, job, &result, &measures, warned, place)?;
     summary.write(&folder.summary_path())?;
     Ok(StageOutcome { was_done: false, timing: result.timing.table(), ..StageOutcome::done(&job.name, place, summary) })

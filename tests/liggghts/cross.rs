@@ -178,8 +178,7 @@ fn assert_first_order(what: &str, differences: &[f64; 3], limit: std::ops::Range
     let [coarse, middle, fine] = differences;
     let ratio = (coarse - middle) / (middle - fine);
     let rest = 2.0 * fine - middle;
-    println!("{what}: {differences:?}, ratio {ratio:.3}, rest {rest:.1e}");
-    assert!((ratio - 2.0).abs() < 0.2, "{what}: {differences:?}");
+    assert!((ratio - 2.0).abs() < 0.2, "{what}: {differences:?}, ratio {ratio:.3}, rest {rest:.1e}");
     assert!(limit.contains(&rest), "{what}: {rest:e} of a diameter is left at step 0");
 }
 

@@ -2,7 +2,7 @@
 //! broken off, failed, asked for again.
 
 use crate::launching::processes_in;
-use crate::program::{Answer, Bench, Frame, Summary, assert_same, files, kill, number, rows};
+use crate::program::{Answer, Bench, Frame, Summary, assert_same, files, interrupt, kill, number, rows};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -102,8 +102,11 @@ fn assert_files(bench: &Bench, stage: &str, particles: usize) {
     let header = series.lines().next().unwrap();
     assert!(header.starts_with(columns[0]) && header.contains(columns[1]), "{header}");
     assert_eq!(rows(&bench.path(&format!("{stage}/series.csv"))), 200, "one row a millisecond");
-    let last = series.lines().last().unwrap();
-    assert!(last.starts_with(&format!("0.2,5000,{particles},")), "{last}");
+    for row in series.lines().skip(1) {
+        let counts: Vec<u64> = row.split(',').skip(2).take(3).map(|count| count.parse().unwrap()).collect();
+        assert_eq!(counts[0], counts[1] - counts[2], "particles are not those inserted less those removed: {row}");
+    }
+    assert!(series.lines().last().unwrap().starts_with("0.2,5000,"));
 
     let frames = bench.text(&format!("{stage}/frames.pvd"));
     let named: Vec<&str> = frames.split("file=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
@@ -198,11 +201,14 @@ fn a_whole_plant_keeps_everybody_and_observes_its_gate() {
 #[test]
 fn two_ranks_hand_over_the_same_bits() {
     let bench = plant();
-    let two = bench.run("two", &with(RAIN, &[LIGGGHTS, &["--set", "liggghts.ranks=2"]]));
+    let ranks = ["--set", "liggghts.ranks=2", "--set", "liggghts.processors=[1, 1, 2]"];
+    let two = bench.run("two", &with(RAIN, &[LIGGGHTS, &ranks]));
     assert_accounts(&two, 100, assert_all_arrived(&two));
     assert_eq!(stage(&two, "hopper")["threads"], 2);
-    let deck = bench.text("two/stages/heap/case/in.liggghts");
-    assert!(deck.lines().any(|line| line.starts_with("processors ") && !line.contains("processors 1 1 1")), "{deck}");
+    for stage in ["hopper", "heap"] {
+        let log = bench.text(&format!("two/stages/{stage}/case/log.liggghts"));
+        assert!(log.contains("1 by 1 by 2 MPI processor grid"), "{log}");
+    }
 }
 
 /// All files but those in which LIGGGHTS itself wrote down times.
@@ -212,16 +218,30 @@ fn lasting(bench: &Bench, out: &str) -> BTreeMap<String, Vec<u8>> {
     result
 }
 
-/// Catches a child that outlives its parent, a half case that is taken for a whole one, a first stage that is computed again.
+/// Catches a summary that cannot be read again, a child that outlives its parent, a half case that is taken for a whole one, a first stage that is computed again.
 #[test]
-fn a_killed_run_leaves_no_process_and_is_resumed_with_its_second_stage() {
+fn a_run_broken_off_leaves_no_process_and_is_resumed_with_the_stage_it_was_in() {
     let bench = plant();
     bench.run("expected", &with(PLANT, &[LIGGGHTS]));
     let begun = [&["run", "scene.toml", "--threads", "1", "--out", "a"], &with(PLANT, &[LIGGGHTS])[..]].concat();
-    let mut child = bench.start(&begun);
-    let case = bench.path("a/stages/heap/case");
-    let runs = || fs::read_to_string(case.join("screen.txt")).is_ok_and(|text| text.contains("Loop time"));
-    assert!(bench.wait(&mut child, runs), "it ended before its second stage");
+    let start = |stage: &str, further: &[&str]| {
+        let case = bench.path(&format!("a/stages/{stage}/case"));
+        // What an earlier attempt has left there does not count.
+        drop(fs::remove_file(case.join("screen.txt")));
+        let mut child = bench.start(&[&begun[..], further].concat());
+        let runs = || fs::read_to_string(case.join("screen.txt")).is_ok_and(|text| text.contains("Loop time"));
+        assert!(bench.wait(&mut child, runs), "it ended before stage {stage}");
+        (child, case)
+    };
+    // Ctrl-C: nothing of the stage is taken over.
+    for (stage, further) in [("hopper", &[][..]), ("heap", &["--resume"])] {
+        let (child, case) = start(stage, further);
+        interrupt(&child);
+        Answer::from(child.wait_with_output().unwrap()).ended(130, &["interrupted", "--resume"]);
+        assert!(processes_in(&case).is_empty());
+        assert_eq!(bench.summary("a").word("/outcome/reason"), "interrupted");
+    }
+    let (mut child, case) = start("heap", &["--resume"]);
     assert!(!processes_in(&case).is_empty());
     kill(&mut child);
     let killed = Instant::now();
@@ -229,7 +249,8 @@ fn a_killed_run_leaves_no_process_and_is_resumed_with_its_second_stage() {
         assert!(killed.elapsed() < Duration::from_secs(10), "{:?} outlive it", processes_in(&case));
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert!(!bench.path("a/stages/heap/summary.json").exists(), "it ended before it was killed");
+    let outcome = &bench.json("a/stages/heap/summary.json")["outcome"];
+    assert_eq!(outcome["exit_code"], 130, "it ended before it was killed: {outcome}");
     let first = bench.changes("a/stages/hopper");
     bench.attempt("a", &with(PLANT, &[LIGGGHTS])).refused(2, &["unfinished", "--resume"]);
     bench.run("a", &with(PLANT, &[LIGGGHTS, &["--resume"]]));

@@ -92,6 +92,7 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
     result.warnings.extend(told.map(|warning| format!("LIGGGHTS: {warning}")));
     if !ended {
         result.end = EndReason::Interrupted;
+        result.wall_s = run.started.elapsed().as_secs_f64();
         return Ok(result);
     }
     recordings.read_up_to(steps)?;

@@ -72,7 +72,8 @@ pub fn convert(
             continue;
         }
         let time = schedule.time(step);
-        let gone = removed.iter().take_while(|removal| removal.time <= time + 0.5 * schedule.timestep);
+        // A row is printed before particles are taken out at its time step, and before others enter.
+        let gone = removed.iter().take_while(|removal| removal.time < time - 0.5 * schedule.timestep);
         while let Some(entered) = entering.next_if(|entered| entered.step < step.max(1)) {
             inserted += 1;
             brought += scene.body.mass(entered.radius, entered.density);
