@@ -276,12 +276,12 @@ mod tests {
     fn how_an_external_code_is_started_is_in_no_key_of_a_run() {
         let key = |settings: &[(&str, &str)]| StageKey::of_run(&scene(settings), false, None).key;
         let plain = key(&[]);
-        for (name, value) in [("mpirun", "[\"--oversubscribe\"]"), ("time_limit", "\"2 h\""), ("keep_samples", "true")]
+        for (name, value) in [("mpirun", "[\"--oversubscribe\"]"), ("time_limit", "\"3 h\""), ("keep_samples", "false")]
         {
             assert_eq!(key(&[(&format!("liggghts.{name}"), value)]), plain, "{name}");
         }
-        assert_ne!(key(&[("liggghts.sample_every", "10")]), plain);
-        assert_ne!(key(&[("liggghts.ranks", "2")]), plain);
+        assert_ne!(key(&[("liggghts.sample_every", "20")]), plain);
+        assert_ne!(key(&[("liggghts.skin", "\"2 mm\"")]), plain);
     }
 
     #[test]
