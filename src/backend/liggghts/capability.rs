@@ -53,12 +53,9 @@ mod tests {
         verdict(&scene, &[], &[])
     }
 
-    const NO_BUDGET: (&str, &str) = ("output.energy", "false");
-
     #[test]
-    fn the_default_scene_can_without_its_energy_budget() {
-        assert!(!on(&[]).can());
-        let verdict = on(&[NO_BUDGET]);
+    fn the_default_scene_can_although_it_asks_for_an_energy_budget() {
+        let verdict = on(&[]);
         assert!(verdict.can() && verdict.reasons.is_empty(), "{verdict:?}");
     }
 
@@ -74,7 +71,7 @@ mod tests {
 
     #[test]
     fn a_value_that_it_does_not_take_is_a_no_without_anything_missing() {
-        let verdict = on(&[NO_BUDGET, ("pair.0.restitution", "0.04")]);
+        let verdict = on(&[("pair.0.restitution", "0.04")]);
         assert!(!verdict.can() && verdict.missing.is_empty() && verdict.reasons.len() == 1, "{verdict:?}");
     }
 
