@@ -35,7 +35,7 @@ pub const NAME: &str = "liggghts";
 /// Counts changes of decks that may change a number of a result: part of every key.
 pub const NUMERICS_VERSION: u32 = 1;
 
-/// Columns of every particle dump of a deck, in this order: what [`Columns`] counts.
+/// Columns of every particle dump of a deck, in this order.
 ///
 /// Forces are those of the time step with gravity, as LIGGGHTS keeps them.
 pub const COLUMNS: &str = "id type radius density x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz";
