@@ -126,7 +126,7 @@ pub fn launch<'a>(case: &'a Path, way: Way, interrupted: &'a AtomicBool) -> Laun
 }
 
 pub fn run(case: &Path, way: Way) -> Result<Outcome, BackendError> {
-    launch::run(&launch(case, way, &NEVER), &mut |_, _| Ok(()))
+    launch::run(&launch(case, way, &NEVER), &mut |_| Ok(()))
 }
 
 pub fn finished(outcome: Outcome) -> Finished {
@@ -216,7 +216,7 @@ fn the_caller_works_while_it_runs() {
     let case = Case::new(6_000, &[]);
     let mut steps = Vec::new();
     let way = Way { steps: 600_000, ..SERIAL };
-    let mut each = |step, _: &[Event]| {
+    let mut each = |step| {
         steps.push(step);
         Ok(())
     };
@@ -228,7 +228,7 @@ fn the_caller_works_while_it_runs() {
 fn an_error_of_the_callers_ends_the_case() {
     let case = Case::new(ENDLESS, &[]);
     let way = Way { steps: u64::MAX, ..SERIAL };
-    let each = &mut |_: u64, _: &[Event]| Err(BackendError::Incapable("enough".into()));
+    let each = &mut |_: u64| Err(BackendError::Incapable("enough".into()));
     let error = launch::run(&launch(case.path(), way, &NEVER), each).unwrap_err();
     assert_eq!(error.to_string(), "enough");
     case.assert_deserted();
@@ -240,7 +240,7 @@ fn an_interrupt_ends_all_ranks() {
         let case = Case::new(ENDLESS, &[]);
         let interrupted = AtomicBool::new(false);
         let way = Way { ranks, steps: u64::MAX, ..SERIAL };
-        let mut each = |_: u64, _: &[Event]| {
+        let mut each = |_: u64| {
             assert!(case.processes().len() >= ranks as usize);
             interrupted.store(true, Ordering::Relaxed);
             Ok(())

@@ -185,6 +185,32 @@ fn stages_take_each_others_streams_whoever_computes_them() {
 }
 
 #[test]
+fn who_comes_back_over_the_gate_is_counted_and_kept_in_the_books() {
+    let bench = plant();
+    // Over a floor 7 mm behind the gate: above the exclusion plane, so they bounce, and the fastest come back.
+    let bounce = [
+        "part.floor.point_mm=[0, 0, 233]",
+        "stage.hopper.parts=[\"cone\", \"barrel\", \"plate\", \"floor\"]",
+        "gate.outlet.returning=\"delete\"",
+        "end.time=60 ms",
+    ];
+    let summary = bench.run("r", &with(&[RAIN, &bounce].concat(), &[LIGGGHTS, &["--stage", "hopper"]]));
+    let tally = &gate(&summary, "recorded")["tally"];
+    let deleted = tally["deleted"].as_u64().unwrap();
+    assert!(deleted > 0 && deleted <= tally["returned"].as_u64().unwrap(), "{tally:#}");
+    assert_eq!((&tally["lost_after_crossing"], &tally["excluded"]), (&json!(0), &json!(0)), "{tally:#}");
+    assert_eq!(
+        tally["recorded"].as_u64().unwrap(),
+        deleted + tally["still_in_run"].as_u64().unwrap(),
+        "those taken out stay on record: {tally:#}"
+    );
+    assert_eq!(stage(&summary, "hopper")["particles"], 100 - deleted);
+    let removed = summary.list("/removed");
+    assert_eq!(removed.len(), 1, "{removed:?}");
+    assert_eq!((&removed[0]["cause"], &removed[0]["count"]), (&json!("hopper: deleted at a gate"), &json!(deleted)));
+}
+
+#[test]
 fn a_whole_plant_keeps_everybody_and_observes_its_gate() {
     let bench = plant();
     let summary = bench.run("w", &with(PLANT, &[LIGGGHTS, &["--whole"]]));

@@ -114,10 +114,10 @@ const AFTER_ERROR: Duration = Duration::from_secs(5);
 const PIPES: Duration = Duration::from_secs(5);
 
 /// What is called while a case runs.
-pub type Each<'a> = dyn FnMut(u64, &[Event]) -> Result<(), BackendError> + 'a;
+pub type Each<'a> = dyn FnMut(u64) -> Result<(), BackendError> + 'a;
 
-/// Runs a case to its end. `each` is called now and then with the time step reached, and what has happened to parts up to it: what
-/// belongs to earlier steps is written.
+/// Runs a case to its end. `each` is called now and then with the time step reached: what belongs to earlier
+/// steps is written.
 ///
 /// # Errors
 /// [`BackendError::Incapable`] where LIGGGHTS or what starts it is missing or of another version; [`BackendError::Unstable`] where
@@ -299,7 +299,7 @@ impl<'a> Running<'a> {
             self.look_at_space()?;
             let step = self.watch.step();
             if step != told && called.elapsed() >= CALL_INTERVAL {
-                each(step.unwrap_or(0), self.watch.events())?;
+                each(step.unwrap_or(0))?;
                 (called, told) = (Instant::now(), step);
             }
         }

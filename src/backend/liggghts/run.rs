@@ -2,7 +2,7 @@
 
 use super::collect::{self, Collected};
 use super::deck::{self, DeckOrder};
-use super::launch::{self, Event, Launch, Outcome};
+use super::launch::{self, Launch, Outcome};
 use super::record::Recordings;
 use super::replay::{self, Prepared};
 use super::{Schedule, probe, refusals};
@@ -11,7 +11,6 @@ use crate::backend::stage::{StageRequest, StageResult};
 use crate::gate::Cadence;
 use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::scene::gate::BackingUp;
 use crate::storage::StorageError;
 use std::fs;
 use std::path::Path;
@@ -96,9 +95,7 @@ pub fn run(scene: &Scene, plan: &Plan, request: &StageRequest) -> Result<StageRe
         interrupted: request.interrupted,
         verbosity: request.verbosity,
     };
-    let mut told = 0;
-    let outcome = launch::run(&launch, &mut |step, events| {
-        told += tell(&mut recordings, &events[told..]);
+    let outcome = launch::run(&launch, &mut |step| {
         // The sample of the step that was printed last may be half written, or not yet.
         match step.checked_sub(schedule.cadence.look) {
             Some(whole) => recordings.read_up_to(whole),
@@ -109,7 +106,6 @@ pub fn run(scene: &Scene, plan: &Plan, request: &StageRequest) -> Result<StageRe
         Outcome::Finished(finished) => (finished, true),
         Outcome::Interrupted(finished) => (finished, false),
     };
-    tell(&mut recordings, &finished.events[told..]);
     let version = probe.version;
     let case = &case;
     collect::collect(Collected {
@@ -128,12 +124,6 @@ pub fn run(scene: &Scene, plan: &Plan, request: &StageRequest) -> Result<StageRe
     })
 }
 
-/// Tells the recordings what happened to parts; how many events that were.
-fn tell(recordings: &mut Recordings, events: &[Event]) -> usize {
-    events.iter().for_each(|event| recordings.part_event(&event.part, event.present, event.step));
-    events.len()
-}
-
 /// What a user of LIGGGHTS should know of this case.
 fn warnings(scene: &Scene, request: &StageRequest, prepared: &Prepared) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -142,9 +132,10 @@ fn warnings(scene: &Scene, request: &StageRequest, prepared: &Prepared) -> Vec<S
             "LIGGGHTS cannot be given the histories of contacts: those of arriving particles build up while they travel as ghosts".to_owned(),
         );
     }
-    for order in request.replays.iter().filter(|order| order.replay.backing_up == BackingUp::Stop) {
+    for order in request.replays {
         warnings.push(format!(
-            "stream '{}': a downstream that backs up to the gate is not looked for while LIGGGHTS runs (`backing_up`)",
+            "stream '{}': while LIGGGHTS runs nobody looks for particles that go back upstream (`leaving`) or for a downstream that backs \
+             up to the gate (`backing_up`)",
             order.name
         ));
     }

@@ -170,11 +170,6 @@ impl Watch {
         Status { time: steps as f64 * self.timestep, steps, particles: self.finished.atoms }
     }
 
-    /// Parts that have come or gone so far.
-    pub fn events(&self) -> &[Event] {
-        &self.finished.events
-    }
-
     /// What was printed; times and memory are not known here.
     pub fn finished(&self) -> Finished {
         self.finished.clone()

@@ -6,7 +6,7 @@ mod gates;
 mod motion;
 pub mod names;
 mod output;
-mod parts;
+pub(super) mod parts;
 mod processors;
 mod refusals;
 mod run;

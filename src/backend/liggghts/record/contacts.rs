@@ -111,25 +111,18 @@ pub type Found = Vec<(u32, StoredContact)>;
 pub struct Contacts {
     pairs: LocalDump,
     walls: LocalDump,
-    has_walls: bool,
-    /// Parts in the order of LIGGGHTS' meshes, and whether their triangles are the part's own.
-    meshes: Vec<(u16, bool)>,
+    /// For each mesh of the deck, which is the part of the same number, whether its triangles are the part's own.
+    meshes: Vec<bool>,
     periods: [Option<f64>; 3],
 }
 
 impl Contacts {
-    /// The dumps of the case in the folder `case`, whose domain has `periods` \[m\]. `has_walls` says whether contacts with walls
-    /// are dumped.
+    /// The dumps of the case in the folder `case`, whose domain has `periods` \[m\]. Where contacts are recorded, every part of the
+    /// scene is a mesh of one wall for the whole run, in the scene's order; `meshes` says of each whether its triangles are the part's own.
     #[must_use]
-    pub fn new(case: &Path, has_walls: bool, periods: [Option<f64>; 3]) -> Self {
+    pub fn new(case: &Path, meshes: Vec<bool>, periods: [Option<f64>; 3]) -> Self {
         let dump = |name: &str| LocalDump::new(case.join(name));
-        Self { pairs: dump(PAIRS_FILE), walls: dump(WALLS_FILE), has_walls, meshes: Vec::new(), periods }
-    }
-
-    /// From the next sample on LIGGGHTS' meshes are those of these parts, in this order; for each, whether its triangles are the
-    /// part's own.
-    pub fn set_meshes(&mut self, meshes: Vec<(u16, bool)>) {
-        self.meshes = meshes;
+        Self { pairs: dump(PAIRS_FILE), walls: dump(WALLS_FILE), meshes, periods }
     }
 
     /// Files that have been read, to be removed.
@@ -167,7 +160,7 @@ impl Contacts {
             Ok(())
         })?;
         Self::require(has, wanted, &self.pairs, step)?;
-        if self.has_walls {
+        if !self.meshes.is_empty() {
             let meshes = &self.meshes;
             let has = self.walls.visit(step, |row| {
                 let wall = Wall::of(row)?;
@@ -263,12 +256,12 @@ impl Wall {
         })
     }
 
-    fn stored(&self, meshes: &[(u16, bool)]) -> Result<StoredContact, String> {
-        let found = meshes.get(self.mesh as usize);
-        let &(part, own) =
-            found.ok_or_else(|| format!("mesh {} is none of the {} of the deck", self.mesh, meshes.len()))?;
+    fn stored(&self, meshes: &[bool]) -> Result<StoredContact, String> {
+        let own = *meshes
+            .get(self.mesh as usize)
+            .ok_or_else(|| format!("mesh {} is none of the {} of the deck", self.mesh, meshes.len()))?;
         Ok(StoredContact {
-            partner: ContactPartner::Part { part, element: if own { self.element } else { 0 } },
+            partner: ContactPartner::Part { part: self.mesh as u16, element: if own { self.element } else { 0 } },
             point: self.point,
             normal: self.normal,
             overlap: self.overlap,

@@ -21,11 +21,10 @@ use crate::gate::quality::CrossingStatistics;
 use crate::gate::record::{RecordTally, Recorder};
 use crate::gate::stream::format::StoredEvent;
 use crate::gate::stream::writer::StreamWriter;
-use crate::geometry::part::{Part, Surface, Trigger};
+use crate::geometry::part::{Part, Surface};
 use crate::math::Vec3;
 use crate::particle::{Body, ParticleId, ParticleState};
 use crate::scene::Scene;
-use crate::scene::gate::Fate;
 use crate::stage::split::Recording;
 use crate::storage::StorageError;
 use contacts::{Contacts, Found, Wanted};
@@ -43,7 +42,6 @@ pub struct Recordings {
     gates: Vec<GateRecording>,
     contacts: Option<Contacts>,
     world: World,
-    presence: Presence,
     /// Contact dumps are removed at the end, samples once they are read.
     keep: bool,
     /// Time step of the next sample.
@@ -103,7 +101,6 @@ impl Recordings {
         tags: &Tags,
         version: &str,
     ) -> Result<Self, BackendError> {
-        request.records.iter().try_for_each(refuse_fates)?;
         let periods = periods(scene);
         let laws = laws(scene);
         let computed = Computed {
@@ -129,9 +126,9 @@ impl Recordings {
                 passed: Vec::new(),
             })
         };
-        let presence = Presence::at_start(scene);
-        let has_walls = scene.parts.iter().any(is_mesh);
-        let contacts = scene.liggghts.contacts.then(|| Contacts::new(case, has_walls, periods));
+        let own = |part: &Part| matches!(part.surface, Surface::Mesh(_));
+        let meshes = || scene.parts.iter().map(own).collect();
+        let contacts = scene.liggghts.contacts.then(|| Contacts::new(case, meshes(), periods));
         Ok(Self {
             gates: request.records.iter().map(open).collect::<Result<_, _>>()?,
             contacts,
@@ -142,18 +139,11 @@ impl Recordings {
                 materials: scene.materials.materials.len(),
                 ids: tags.ids().to_vec(),
             },
-            presence,
             keep: scene.liggghts.keep_samples,
             next: 0,
             sample: Sample::default(),
             bytes: 0,
         })
-    }
-
-    /// Part `part` of the scene came (`present`) or went between the samples of time step `step` and the next one. To be said before
-    /// that one is read.
-    pub fn part_event(&mut self, part: &str, present: bool, step: u64) {
-        self.presence.changes.push((step, part.to_owned(), present));
     }
 
     /// Reads the samples of time steps up to `step`, all of which LIGGGHTS must have finished, and removes them unless they
@@ -202,7 +192,6 @@ impl Recordings {
         }
         wanted.sort_unstable_by_key(|wanted| wanted.tag);
         wanted.dedup_by_key(|wanted| wanted.tag);
-        contacts.set_meshes(self.presence.meshes_at(step));
         contacts.of(step, &wanted, &|tag| self.world.id(tag))
     }
 
@@ -334,43 +323,6 @@ impl GateRecording {
     }
 }
 
-/// Which parts LIGGGHTS' mesh wall consists of, in the scene's order.
-#[derive(Debug)]
-struct Presence {
-    /// Name, whether it is made of triangles, whether these are its own, whether it is there.
-    parts: Vec<(String, bool, bool, bool)>,
-    /// (time step, part, whether it is there from then on).
-    changes: Vec<(u64, String, bool)>,
-}
-
-impl Presence {
-    fn at_start(scene: &Scene) -> Self {
-        let own = |part: &Part| matches!(part.surface, Surface::Mesh(_));
-        let of = |part: &Part| (part.name.clone(), is_mesh(part), own(part), part.appears == Trigger::Always);
-        Self { parts: scene.parts.iter().map(of).collect(), changes: Vec::new() }
-    }
-
-    /// Parts by mesh number at the sample of time step `step`, each with whether its triangles are its own.
-    fn meshes_at(&mut self, step: u64) -> Vec<(u16, bool)> {
-        let due = self.changes.iter().filter(|(at, ..)| *at < step);
-        for (_, name, present) in due {
-            self.parts.iter_mut().filter(|(part, ..)| part == name).for_each(|(.., there)| *there = *present);
-        }
-        self.changes.retain(|(at, ..)| *at >= step);
-        let there = self.parts.iter().zip(0_u16..).filter(|((_, mesh, _, there), _)| *mesh && *there);
-        there.map(|((_, _, own, _), part)| (part, *own)).collect()
-    }
-}
-
-/// True where LIGGGHTS has a part as triangles. A plane across an axis that stands still is a wall of another kind, of whose contacts
-/// it does not tell.
-fn is_mesh(part: &Part) -> bool {
-    match part.surface {
-        Surface::Plane { normal, .. } => !part.motion.terms.is_empty() || normal.iter().all(|n| n.abs() != 1.0),
-        Surface::Frustum { .. } | Surface::Mesh(_) => true,
-    }
-}
-
 fn periods(scene: &Scene) -> [Option<f64>; 3] {
     let bounds = &scene.domain.bounds;
     std::array::from_fn(|axis| scene.domain.periodic[axis].then(|| bounds.maximum[axis] - bounds.minimum[axis]))
@@ -382,24 +334,9 @@ fn laws(scene: &Scene) -> String {
     format!(
         "{:?}, tangential {:?}, rolling {:?}, as LIGGGHTS computes them; tangential memory: displacement of the contact point [m] at the \
          grid state; rolling memory: torque of the spring [N m]; forces of contacts hold for the velocities of the grid state, the force \
-         of a crossing for those half a time step before; LIGGGHTS restores no memory, contacts remember anew while ghosts travel; walls \
-         across an axis tell of no contacts",
+         of a crossing for those half a time step before; LIGGGHTS restores no memory, contacts remember anew while ghosts travel",
         law.normal, law.tangential, law.rolling
     )
-}
-
-/// LIGGGHTS is at work while samples are read: nobody can be taken out of it.
-fn refuse_fates(order: &Recording) -> Result<(), BackendError> {
-    let gate = &order.gate;
-    let fates = [("returning", gate.returning), ("sitting", gate.sitting)];
-    match fates.iter().find(|(_, fate)| *fate == Fate::Delete && !order.observes) {
-        None => Ok(()),
-        Some((key, _)) => Err(BackendError::Incapable(format!(
-            "gate {:?}: `{key} = \"delete\"` cannot be done by LIGGGHTS, whose samples are read after it has gone on; set `{key}` of the \
-             gate to \"keep\" or \"error\", or compute the stage with the native backend",
-            gate.name
-        ))),
-    }
 }
 
 fn remove(path: &Path) -> Result<(), StorageError> {

@@ -1,4 +1,6 @@
 use super::*;
+use crate::backend::liggghts::Schedule;
+use crate::backend::liggghts::deck::parts::walls;
 use crate::gate::Cadence;
 use crate::gate::crossing::ContactPartner;
 use crate::gate::crossing::Crossing;
@@ -6,7 +8,7 @@ use crate::gate::stream::reader::StreamReader;
 use crate::geometry::plane::{Aperture, GatePlane};
 use crate::math::vec3;
 use crate::output::progress::Verbosity;
-use crate::scene::gate::{Exclusion, ExclusionMode, Gate, PassingPoint, PathRecording};
+use crate::scene::gate::{Exclusion, ExclusionMode, Fate, Gate, PassingPoint, PathRecording};
 use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 
@@ -254,12 +256,10 @@ fn a_force_counts_as_contact_and_contacts_are_joined_at_their_own_gate() {
         pairs += &head(1, 19);
         pairs += &format!("0 0 {z} 0.0039 0 {z} 1 2 0 -0.001 0 0 0 0 0 1e-6 0 0 1e-4 \n");
         walls += &head(1, 19);
-        walls += &format!("-0.0019 0 {z} 0 0 {z} 0 4 1 0.002 0 0 0 0 0 0 0 0 1e-4 \n");
+        walls += &format!("-0.0019 0 {z} 0 0 {z} 2 4 1 0.002 0 0 0 0 0 0 0 0 1e-4 \n");
     }
     fs::write(folder.path().join("contacts/pairs"), pairs).unwrap();
     fs::write(folder.path().join("contacts/walls"), walls).unwrap();
-    // The box goes before anything has passed: the cylinder is the first mesh then.
-    recordings.part_event("lid", false, 0);
     recordings.read_up_to(3000).unwrap();
     let results = recordings.finish(Vec::new(), true).unwrap();
     assert!(!folder.path().join("contacts/pairs").exists());
@@ -277,28 +277,21 @@ fn a_force_counts_as_contact_and_contacts_are_joined_at_their_own_gate() {
 }
 
 #[test]
-fn parts_that_come_and_go_change_the_meshes_from_the_next_sample_on() {
-    let mut presence = Presence::at_start(&scene());
-    // The plane across z is a wall of another kind; the box has triangles of its own, the cylinder is given some.
-    assert_eq!(presence.meshes_at(0), [(1, true), (2, false)]);
-    presence.changes.push((100, "lid".to_owned(), false));
-    presence.changes.push((300, "lid".to_owned(), true));
-    assert_eq!(presence.meshes_at(100), [(1, true), (2, false)]);
-    assert_eq!(presence.meshes_at(120), [(2, false)]);
-    assert_eq!(presence.meshes_at(300), [(2, false)]);
-    assert_eq!(presence.meshes_at(320), [(1, true), (2, false)]);
+fn meshes_are_the_scene_s_parts_also_planes_and_those_that_go() {
+    let text = SCENE.replace("max_mm = [-35, 40, 45]", "max_mm = [-35, 40, 45]\ndisappears = \"0.1 s\"");
+    let (scene, _) = crate::scene::read_text(&text, "scene.toml", Path::new(""), &[]).unwrap();
+    let cadence = Cadence { look: LOOK, hand_over: BATCH };
+    let schedule = Schedule { timestep: TIMESTEP, cadence, steps: 10_000 };
+    let walls = walls(&scene, &schedule, false);
+    let meshes: Vec<&Part> = walls.iter().filter(|wall| wall.mesh().is_some()).map(|wall| wall.part).collect();
+    assert_eq!(meshes, scene.parts.iter().collect::<Vec<_>>(), "a contact's mesh number is its part's");
 }
 
 #[test]
-fn fates_are_kept_or_refused() {
+fn a_fate_that_is_an_error_ends_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let mut scene = scene();
     scene.liggghts.contacts = false;
-    let deleting = Gate { sitting: Fate::Delete, ..gate() };
-    let error = open(&folder, &scene, std::slice::from_ref(&deleting), false).unwrap_err();
-    assert!(matches!(error, BackendError::Incapable(_)));
-    assert!(error.to_string().contains("gate \"outlet\": `sitting = \"delete\"` cannot be done"), "{error}");
-    assert!(open(&folder, &scene, &[deleting], true).is_ok(), "a whole run takes nobody out");
     let stern = Gate { returning: Fate::Error, ..gate() };
     let mut recordings = open(&folder, &scene, &[stern], false).unwrap();
     for (step, z) in (0..).step_by(LOOK as usize).zip([0.001, -0.001, 0.0005]) {

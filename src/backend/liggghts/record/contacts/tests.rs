@@ -25,9 +25,7 @@ fn case(pairs: &[Vec<f64>], walls: &[Vec<f64>]) -> TempDir {
 }
 
 fn open(folder: &TempDir, periods: [Option<f64>; 3]) -> Contacts {
-    let mut contacts = Contacts::new(folder.path(), true, periods);
-    contacts.set_meshes(vec![(2, true), (5, false)]);
-    contacts
+    Contacts::new(folder.path(), vec![true, false], periods)
 }
 
 fn wanted(tag: u32, position: Vec3) -> Wanted {
@@ -116,7 +114,7 @@ fn a_wall_is_a_part_and_its_triangle() {
     let folder = case(&[pair(&[0.0; 3])], &[row(0.0), row(1.0)]);
     let found = open(&folder, [None; 3]).of(20, &[wanted(3, Vec3::zeros())], &id).unwrap();
     let partners: Vec<ContactPartner> = found.iter().map(|(_, contact)| contact.partner).collect();
-    let parts = [(2, 12), (5, 0)].map(|(part, element)| ContactPartner::Part { part, element });
+    let parts = [(0, 12), (1, 0)].map(|(part, element)| ContactPartner::Part { part, element });
     assert_eq!(partners, [ContactPartner::Particle(id(7).unwrap()), parts[0], parts[1]]);
     let wall = &found[1].1;
     assert_eq!((wall.normal, wall.point), (vec3(0.0, 0.0, -1.0), vec3(0.0, 0.0, -0.0019)));
