@@ -190,5 +190,5 @@ pub struct ReplayResult {
     /// The downstream was found to back up.
     pub backed_up: Option<BackedUp>,
     /// Particles that went back upstream beyond the generation plane.
-    pub left_upstream: u64,
+    pub left_upstream: Option<u64>,
 }

@@ -123,11 +123,8 @@ pub fn warnings(results: &GateResults) -> Vec<String> {
                 exceptions.join(", ")
             ));
         }
-        if result.left_upstream > 0 {
-            warnings.push(format!(
-                "gate '{name}': {} particles went back upstream beyond the generation plane",
-                result.left_upstream
-            ));
+        if let Some(count) = result.left_upstream.filter(|count| *count > 0) {
+            warnings.push(format!("gate '{name}': {count} particles went back upstream beyond the generation plane"));
         }
         if let Some(quality) = &result.quality {
             warnings.extend(quality.warnings.iter().map(|warning| format!("gate '{name}': {warning}")));

@@ -176,7 +176,7 @@ impl Books {
                 tally: stream.tally,
                 arrivals,
                 backed_up: None,
-                left_upstream: 0,
+                left_upstream: None,
             })
         });
         results.collect()

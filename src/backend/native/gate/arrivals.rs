@@ -272,7 +272,7 @@ impl Arrivals {
             replay: self.order.replay,
             arrivals,
             backed_up,
-            left_upstream: self.left_upstream,
+            left_upstream: Some(self.left_upstream),
         })
     }
 }
