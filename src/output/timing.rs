@@ -21,14 +21,24 @@ pub enum Phase {
     Gates,
     /// Writing of files.
     Output,
+    /// An external code at work.
+    External,
     /// Everything else.
     Other,
 }
 
 impl Phase {
     /// All phases, in the order of a time step.
-    pub const ALL: [Self; 7] =
-        [Self::Neighbour, Self::Contacts, Self::Integration, Self::Feeds, Self::Gates, Self::Output, Self::Other];
+    pub const ALL: [Self; 8] = [
+        Self::Neighbour,
+        Self::Contacts,
+        Self::Integration,
+        Self::Feeds,
+        Self::Gates,
+        Self::Output,
+        Self::External,
+        Self::Other,
+    ];
 
     /// Name in tables and in `summary.json`.
     #[must_use]
@@ -40,6 +50,7 @@ impl Phase {
             Self::Feeds => "feeds",
             Self::Gates => "gates",
             Self::Output => "output",
+            Self::External => "external",
             Self::Other => "other",
         }
     }
@@ -89,12 +100,13 @@ impl Timing {
         Phase::ALL.iter().map(|&phase| (phase.name().to_owned(), self.spent(phase).as_secs_f64())).collect()
     }
 
-    /// The table for people: phase, seconds, share.
+    /// The table for people: phase, seconds, share; without phases that there were none of.
     #[must_use]
     pub fn table(&self) -> String {
         let total = self.total().as_secs_f64().max(f64::MIN_POSITIVE);
         Phase::ALL
             .iter()
+            .filter(|&&phase| !self.spent(phase).is_zero())
             .map(|&phase| {
                 let seconds = self.spent(phase).as_secs_f64();
                 format!("{:<12} {seconds:>10.2} s {:>5.1} %\n", phase.name(), 100.0 * seconds / total)

@@ -116,7 +116,7 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
     result.gates.replayed = run.prepared.finish(case, steps)?;
     let wall = run.started.elapsed();
     result.wall_s = wall.as_secs_f64();
-    result.timing.add(Phase::Other, Duration::from_secs_f64(run.finished.wall_s));
+    result.timing.add(Phase::External, Duration::from_secs_f64(run.finished.wall_s));
     result.timing.add(Phase::Output, reading.elapsed());
     result.timing.close(wall);
     Ok(result)
