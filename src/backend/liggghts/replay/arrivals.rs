@@ -9,12 +9,14 @@ use crate::gate::crossing::{ContactPartner, StoredContact};
 use crate::gate::ledger::{ArrivalBook, Bars, Histories};
 use crate::gate::replay::{Due, ReplayTally, Replayer};
 use crate::gate::stream::format::Manifest;
-use crate::math::{Vec3, vec3};
-use crate::particle::ParticleState;
+use crate::math::Vec3;
+use crate::output::lammps::DumpReader;
+use crate::particle::{Body, ParticleState};
 use crate::scene::gate::PathMode;
+use crate::storage::StorageError;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// Distance from the stored place that a ghost may have at its release [m]: round-off of up to 10^4 time steps at 1 m.
@@ -41,7 +43,12 @@ pub fn finish(prepared: Prepared, case: &Path, ended_at_step: u64) -> Result<Vec
     });
     let mut books = Books {
         streams: streams.collect::<Result<_, BackendError>>()?,
-        dump: ArrivalDump::open(case, ended_at_step as f64 * prepared.schedule.timestep, ended_at_step)?,
+        dump: ArrivalDump::open(
+            case,
+            prepared.scene.body,
+            ended_at_step as f64 * prepared.schedule.timestep,
+            ended_at_step,
+        )?,
         missing: BTreeMap::new(),
         early: BTreeMap::new(),
         prepared,
@@ -80,7 +87,7 @@ struct Books {
     /// Due, but not arrived so far, by tag: stream and state.
     missing: BTreeMap<u32, (usize, ParticleState)>,
     /// Arrived before they were due.
-    early: BTreeMap<u32, Arrived>,
+    early: BTreeMap<u32, ParticleState>,
 }
 
 impl Books {
@@ -96,13 +103,13 @@ impl Books {
             }
             self.expect(step, index, due);
         }
-        for arrived in self.dump.at(step)? {
-            match self.missing.remove(&arrived.tag) {
+        for (tag, arrived) in self.dump.at(step)? {
+            match self.missing.remove(&tag) {
                 None => {
-                    self.early.insert(arrived.tag, arrived);
+                    self.early.insert(tag, arrived);
                 }
                 Some((index, wanted)) => {
-                    let on_time = self.prepared.particles[arrived.tag as usize - 1].release == step;
+                    let on_time = self.prepared.particles[tag as usize - 1].release == step;
                     self.book(index, &wanted, &arrived, on_time);
                 }
             }
@@ -137,8 +144,8 @@ impl Books {
         Histories { restored: 0, kept, without_partner: contacts.len() as u64 - kept }
     }
 
-    fn book(&mut self, index: usize, wanted: &ParticleState, arrived: &Arrived, on_time: bool) {
-        let now = arrived.state(wanted);
+    fn book(&mut self, index: usize, wanted: &ParticleState, arrived: &ParticleState, on_time: bool) {
+        let now = settled(wanted, arrived);
         let Stream { book, bars, .. } = &mut self.streams[index];
         book.arrived(wanted, &now, *bars, self.prepared.scene.body);
         if !on_time {
@@ -151,18 +158,15 @@ impl Books {
         for (index, state) in std::mem::take(&mut self.missing).into_values() {
             self.streams[index].book.lost(state.id);
         }
-        for arrived in std::mem::take(&mut self.early).into_values() {
-            let entered = self.prepared.particles.get(arrived.tag as usize - 1);
-            let (Some(entered), Some(id)) = (entered, self.prepared.tags.id(arrived.tag)) else {
-                return Err(self.dump.unreadable(&format!("particle {} has arrived, but never entered", arrived.tag)));
+        for (tag, arrived) in std::mem::take(&mut self.early) {
+            let entered = self.prepared.particles.get(tag as usize - 1);
+            let (Some(entered), Some(id)) = (entered, self.prepared.tags.id(tag)) else {
+                return Err(self.dump.unusable(format!("particle {tag} has arrived, but never entered")));
             };
             let Some(index) = entered.stream else {
-                return Err(self
-                    .dump
-                    .unreadable(&format!("particle {} has arrived, but comes from a feed", arrived.tag)));
+                return Err(self.dump.unusable(format!("particle {tag} has arrived, but comes from a feed")));
             };
-            let like = ParticleState { id, ..arrived.likeness() };
-            self.book(usize::from(index), &like, &arrived, false);
+            self.book(usize::from(index), &ParticleState { id, ..arrived }, &arrived, false);
         }
         let body = self.prepared.scene.body;
         let results = self.prepared.orders.into_iter().zip(self.streams).map(|(order, stream)| {
@@ -183,144 +187,79 @@ impl Books {
     }
 }
 
-/// One row of the dump.
-#[derive(Debug, Clone, Copy)]
-struct Arrived {
-    tag: u32,
-    kind: u16,
-    /// Radius, density, place, velocity, spin.
-    values: [f64; 11],
-}
-
-impl Arrived {
-    fn likeness(&self) -> ParticleState {
-        let [radius, density, x, y, z, vx, vy, vz, wx, wy, wz] = self.values;
-        ParticleState {
-            id: crate::particle::ParticleId::new(0, 0),
-            material: self.kind - 1,
-            radius,
-            density,
-            position: vec3(x, y, z),
-            velocity: vec3(vx, vy, vz),
-            spin: vec3(wx, wy, wz),
-        }
-    }
-
-    fn state(&self, wanted: &ParticleState) -> ParticleState {
-        // A zero loses its sign where LIGGGHTS adds to it.
-        let like = |found: Vec3, wanted: &Vec3| {
-            Vec3::from_fn(|axis, _| if found[axis] == wanted[axis] { wanted[axis] } else { found[axis] })
-        };
-        let ParticleState { position, velocity, spin, .. } = self.likeness();
-        ParticleState {
-            id: wanted.id,
-            position: like(position, &wanted.position),
-            velocity: like(velocity, &wanted.velocity),
-            spin: like(spin, &wanted.spin),
-            ..self.likeness()
-        }
-    }
-
-    /// A row `tag type radius density x y z vx vy vz wx wy wz`.
-    fn parse(line: &str) -> Option<Self> {
-        let mut fields = line.split_ascii_whitespace();
-        let tag: u32 = fields.next()?.parse().ok().filter(|tag| *tag > 0)?;
-        let kind: u16 = fields.next()?.parse().ok().filter(|kind| *kind > 0)?;
-        let mut values = [0.0; 11];
-        for value in &mut values {
-            *value = fields.next()?.parse().ok()?;
-        }
-        fields.next().is_none().then_some(Self { tag, kind, values })
+/// What arrived, but for the sign of a zero: LIGGGHTS adds to it.
+fn settled(wanted: &ParticleState, arrived: &ParticleState) -> ParticleState {
+    let like = |found: Vec3, wanted: &Vec3| {
+        Vec3::from_fn(|axis, _| if found[axis] == wanted[axis] { wanted[axis] } else { found[axis] })
+    };
+    ParticleState {
+        id: wanted.id,
+        position: like(arrived.position, &wanted.position),
+        velocity: like(arrived.velocity, &wanted.velocity),
+        spin: like(arrived.spin, &wanted.spin),
+        ..*arrived
     }
 }
 
-/// The dump of arrivals, read snapshot by snapshot.
+/// The dump of arrivals, read sample by sample. Its ids are LIGGGHTS' tags.
 #[derive(Debug)]
 struct ArrivalDump {
     case: PathBuf,
+    body: Body,
     time: f64,
     steps: u64,
-    lines: std::io::Lines<BufReader<File>>,
-    number: u64,
-    /// Time step of the snapshot that comes next, its header being read.
+    dump: DumpReader<BufReader<File>>,
+    /// Time step of the sample that comes next.
     next: Option<u64>,
 }
 
 impl ArrivalDump {
-    fn open(case: &Path, time: f64, steps: u64) -> Result<Self, BackendError> {
-        let place = case.join(files::ARRIVALS);
-        let file = File::open(&place).map_err(|source| crate::storage::StorageError::system("read", &place, source))?;
-        let lines = BufReader::new(file).lines();
-        let mut dump = Self { case: case.to_owned(), time, steps, lines, number: 0, next: None };
-        dump.read_step()?;
-        Ok(dump)
+    fn open(case: &Path, body: Body, time: f64, steps: u64) -> Result<Self, BackendError> {
+        let dump = DumpReader::open(&case.join(files::ARRIVALS))?;
+        let mut arrivals = Self { case: case.to_owned(), body, time, steps, dump, next: None };
+        arrivals.go_on()?;
+        Ok(arrivals)
     }
 
     /// What arrived at the sample of a time step; earlier samples must have been asked for.
-    fn at(&mut self, step: u64) -> Result<Vec<Arrived>, BackendError> {
-        if self.next.is_some_and(|next| next < step) {
-            return Err(self.unreadable(&format!("it has a sample at time step {:?}, where none is due", self.next)));
+    fn at(&mut self, step: u64) -> Result<Vec<(u32, ParticleState)>, BackendError> {
+        if let Some(next) = self.next.filter(|next| *next < step) {
+            return Err(self.unusable(format!("it has a sample at time step {next}, where none is due")));
         }
         if self.next != Some(step) {
             return Ok(Vec::new());
         }
-        self.expect_line("ITEM: NUMBER OF ATOMS")?;
-        let count: usize = self.must("a number of particles")?;
-        self.expect_line("ITEM: BOX BOUNDS")?;
-        for _ in 0..3 {
-            self.line()?;
-        }
-        self.expect_line("ITEM: ATOMS")?;
-        let mut rows = Vec::new();
-        for _ in 0..count {
-            let line = self.line()?.unwrap_or_default();
-            rows.push(Arrived::parse(&line).ok_or_else(|| self.unreadable("a row of 13 numbers was expected"))?);
-        }
-        self.read_step()?;
-        Ok(rows)
+        let particles = self.dump.particles(&self.body).map_err(|error| self.unreadable(&error))?;
+        self.go_on()?;
+        let tagged = particles.into_iter().map(|particle| match u32::try_from(particle.id.0) {
+            Ok(tag @ 1..) => Ok((tag, particle)),
+            _ => Err(self.unusable(format!("{} is no particle's number", particle.id.0))),
+        });
+        tagged.collect()
     }
 
     /// Refuses samples behind the end.
     fn expect_end(&self, end: u64) -> Result<(), BackendError> {
         match self.next {
             None => Ok(()),
-            Some(step) => Err(self.unreadable(&format!("it goes on to time step {step}, but the run ended at {end}"))),
+            Some(step) => Err(self.unusable(format!("it goes on to time step {step}, but the run ended at {end}"))),
         }
     }
 
-    fn read_step(&mut self) -> Result<(), BackendError> {
-        self.next = match self.line()? {
-            None => None,
-            Some(line) if line.starts_with("ITEM: TIMESTEP") => Some(self.must("a time step")?),
-            Some(_) => return Err(self.unreadable("'ITEM: TIMESTEP' was expected")),
-        };
+    fn go_on(&mut self) -> Result<(), BackendError> {
+        let frame = self.dump.next_frame().map_err(|error| self.unreadable(&error))?;
+        self.next = frame.map(|frame| frame.step);
         Ok(())
     }
 
-    fn line(&mut self) -> Result<Option<String>, BackendError> {
-        self.number += 1;
-        self.lines.next().transpose().map_err(|error| self.unreadable(&error.to_string()))
+    fn unusable(&self, reason: String) -> BackendError {
+        self.unreadable(&StorageError::unusable(&self.case.join(files::ARRIVALS), reason))
     }
 
-    fn expect_line(&mut self, start: &str) -> Result<(), BackendError> {
-        match self.line()? {
-            Some(line) if line.starts_with(start) => Ok(()),
-            _ => Err(self.unreadable(&format!("'{start}' was expected"))),
-        }
-    }
-
-    fn must<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, BackendError> {
-        let line = self.line()?.unwrap_or_default();
-        line.trim().parse().map_err(|_| self.unreadable(&format!("{what} was expected")))
-    }
-
-    fn unreadable(&self, reason: &str) -> BackendError {
+    fn unreadable(&self, error: &StorageError) -> BackendError {
         BackendError::Failed {
             what: format!(
-                "what LIGGGHTS wrote to {} cannot be used, line {}: {reason}; it was stopped half-way, or somebody else wrote \
-                 there: compute the stage again",
-                files::ARRIVALS,
-                self.number
+                "{error}; LIGGGHTS was stopped half-way, or somebody else wrote there: compute the stage again"
             ),
             case: self.case.clone(),
             rerun: format!("cd {} && liggghts -in {}", self.case.display(), files::DECK),
