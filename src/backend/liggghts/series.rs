@@ -52,7 +52,9 @@ pub fn convert(
     if !names.starts_with(&COLUMNS) {
         return Err(StorageError::unusable(&path, format!("it begins with {header:?} instead of its columns")));
     }
-    let planes = planes(scene);
+    let mut planes = planes(scene);
+    let mut removed = removed.iter().peekable();
+    let (mut gone, mut taken) = (0, 0.0);
     let mut entering = prepared.particles.iter().peekable();
     let (mut inserted, mut brought) = (0, 0.0);
     let mut writer = SeriesWriter::create(&folder.join("series.csv"))?;
@@ -73,17 +75,17 @@ pub fn convert(
         }
         let time = schedule.time(step);
         // A row is printed before particles are taken out at its time step, and before others enter.
-        let gone = removed.iter().take_while(|removal| removal.time < time - 0.5 * schedule.timestep);
+        while let Some(removal) = removed.next_if(|removal| removal.time < time - 0.5 * schedule.timestep) {
+            gone += 1;
+            taken += removal.mass;
+            planes.iter_mut().for_each(|plane| plane.take(removal));
+        }
         while let Some(entered) = entering.next_if(|entered| entered.step < step.max(1)) {
             inserted += 1;
             brought += scene.body.mass(entered.radius, entered.density);
         }
-        let taken: f64 = gone.clone().map(|removal| removal.mass).sum();
         let further = names.iter().zip(&values).skip(COLUMNS.len()).map(|(name, value)| {
-            let beyond = planes.iter().find(|(column, ..)| column == name).map_or(0.0, |(_, point, normal)| {
-                let is_beyond = |removal: &&Removal| (Vec3::from(removal.position) - point).dot(normal) >= 0.0;
-                gone.clone().filter(is_beyond).map(|removal| removal.mass).sum()
-            });
+            let beyond = planes.iter().find(|plane| plane.column == *name).map_or(0.0, |plane| plane.taken_beyond);
             ((*name).to_owned(), value + beyond)
         });
         let row = SeriesRow {
@@ -96,7 +98,7 @@ pub fn convert(
             rms_speed: values[5],
             maximum_speed: values[6],
             inserted,
-            removed: gone.clone().count() as u64,
+            removed: gone,
             further: further.collect(),
             ..SeriesRow::default()
         };
@@ -106,10 +108,29 @@ pub fn convert(
     Ok(counts)
 }
 
-/// Column, point and normal of every plane that a mass flow rate is measured at.
-fn planes(scene: &Scene) -> Vec<(String, Vec3, Vec3)> {
-    let plane = |measure: &crate::scene::Measure| match &measure.kind {
-        MeasureKind::MassFlowRate { point, normal } => Some((mass_column(&measure.name), *point, *normal)),
+/// A plane that a mass flow rate is measured at.
+#[derive(Debug)]
+struct Plane {
+    column: String,
+    point: Vec3,
+    normal: Vec3,
+    /// Mass of what was taken out beyond it so far [kg]: it has passed, although nobody counts it any more.
+    taken_beyond: f64,
+}
+
+impl Plane {
+    fn take(&mut self, removal: &Removal) {
+        if (Vec3::from(removal.position) - self.point).dot(&self.normal) >= 0.0 {
+            self.taken_beyond += removal.mass;
+        }
+    }
+}
+
+fn planes(scene: &Scene) -> Vec<Plane> {
+    let plane = |measure: &crate::scene::Measure| match measure.kind {
+        MeasureKind::MassFlowRate { point, normal } => {
+            Some(Plane { column: mass_column(&measure.name), point, normal, taken_beyond: 0.0 })
+        }
         _ => None,
     };
     scene.measures.iter().filter_map(plane).collect()
