@@ -7,8 +7,9 @@ use std::sync::mpsc::Sender;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// Longest wait for more of what is printed: lines come one by one, and a look at each would cost more than the line.
-const GATHER: Duration = Duration::from_millis(2);
+/// Shortest and longest wait for more of what is printed: lines come one by one, and a look at each would cost more than the line.
+/// Who prints much is looked at more often, since a full pipe holds it up.
+const GATHER: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(16)];
 
 /// News from the threads that drain.
 pub(super) enum News {
@@ -57,6 +58,8 @@ pub(super) fn drain_errors(pipe: impl Read, file: &Mutex<File>, sender: &Sender<
 fn drain(mut pipe: impl Read, file: &Mutex<File>, sender: &Sender<News>, mut take: impl FnMut(&[u8])) {
     let mut block = vec![0; 1 << 16];
     let mut is_written = true;
+    let [shortest, longest] = GATHER;
+    let mut wait = shortest;
     loop {
         let length = match pipe.read(&mut block) {
             Ok(0) => return,
@@ -72,9 +75,10 @@ fn drain(mut pipe: impl Read, file: &Mutex<File>, sender: &Sender<News>, mut tak
                 drop(sender.send(News::Unwritten(error)));
             }
         }
-        // The pipe holds what comes meanwhile.
-        if length < block.len() / 4 {
-            std::thread::sleep(GATHER);
+        // The pipe, which holds as much as a block, keeps what comes meanwhile.
+        wait = if length < block.len() / 4 { (2 * wait).min(longest) } else { (wait / 2).max(shortest) };
+        if length < block.len() / 2 {
+            std::thread::sleep(wait);
         }
     }
 }

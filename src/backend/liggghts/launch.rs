@@ -22,7 +22,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -269,15 +269,10 @@ impl<'a> Running<'a> {
     fn drive(&mut self, each: &mut Each<'_>) -> Result<Option<Stop>, BackendError> {
         let (mut called, mut told) = (Instant::now(), None);
         loop {
-            match self.news.recv_timeout(TICK) {
-                Ok(news) => {
-                    self.take(news)?;
-                    while let Ok(news) = self.news.try_recv() {
-                        self.take(news)?;
-                    }
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(TICK),
+            // What is printed waits meanwhile: a look at every line would cost more than the line.
+            std::thread::sleep(TICK);
+            while let Ok(news) = self.news.try_recv() {
+                self.take(news)?;
             }
             if self.launch.interrupted.load(Ordering::Relaxed) {
                 return Ok(Some(Stop::Interrupted));

@@ -8,6 +8,7 @@ use std::fmt;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Names another program than the `liggghts` of the search path.
@@ -277,12 +278,21 @@ pub fn check_version(program: &Path, version: &str) -> Result<(), Unusable> {
     Err(Unusable::Version { program: program.to_path_buf(), found: version.to_owned() })
 }
 
-/// Asks the program for its version and styles.
+/// Asks the program for its version and styles; once in a process, since it takes a noticeable time to answer.
 ///
 /// # Errors
 /// Where it is missing, does not answer, or is of another version.
 pub fn probe() -> Result<Probe, Unusable> {
+    static ANSWER: Mutex<Option<Probe>> = Mutex::new(None);
     let path = path()?;
+    let mut answer = ANSWER.lock().unwrap_or_else(PoisonError::into_inner);
+    match &*answer {
+        Some(known) if known.path == path => Ok(known.clone()),
+        _ => Ok(answer.insert(ask(path)?).clone()),
+    }
+}
+
+fn ask(path: PathBuf) -> Result<Probe, Unusable> {
     let text = help(&path).map_err(|reason| Unusable::Silent { program: path.clone(), reason })?;
     let Some(version) = text.lines().find_map(screen::version) else {
         let first: String = text.lines().next().unwrap_or_default().chars().take(80).collect();

@@ -1,7 +1,7 @@
 //! The processes of a case: what they use, and how they end, all of them.
 
 use crate::output::timing::ProcessUse;
-use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process, kill_process_group, waitid};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
@@ -118,11 +118,10 @@ impl Family {
     /// How it ended, once it has.
     pub fn has_ended(&mut self) -> io::Result<Option<Ended>> {
         if self.ended.is_none() {
-            let pid = self.pid().as_raw_pid();
-            let waits = Process::of(pid).is_none_or(|process| process.has_ended);
-            if waits {
+            let look = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+            if waitid(WaitId::Pid(self.pid()), look)?.is_some() {
                 // Its times are there only until its status is asked for.
-                let cpu_s = ProcessUse::of_family(pid).cpu_s;
+                let cpu_s = ProcessUse::of_family(self.pid().as_raw_pid()).cpu_s;
                 self.ended = self.child.try_wait()?.map(|status| Ended { status, cpu_s });
             }
         }
