@@ -56,6 +56,18 @@ pub enum BackendError {
 }
 
 impl BackendError {
+    /// Adds what was doubtful about the stage's streams from the start to an error that may come of it.
+    #[must_use]
+    pub fn with_doubts(mut self, doubts: &[String]) -> Self {
+        if let Self::Unstable { what, .. } | Self::Gate { what, .. } | Self::Failed { what, .. } = &mut self
+            && !doubts.is_empty()
+        {
+            what.push_str("\nwhat it replays may be the reason:");
+            doubts.iter().for_each(|doubt| what.push_str(&format!("\n  {doubt}")));
+        }
+        self
+    }
+
     /// The exit status of a command that ends with this error.
     #[must_use]
     pub const fn exit_code(&self) -> u8 {

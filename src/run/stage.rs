@@ -5,9 +5,11 @@ use super::streams::{self, StreamInput};
 use super::{RunError, RunRequest, picture, summary};
 use crate::analysis::{MeasureResult, Observed, evaluate};
 use crate::backend::BackendError;
+use crate::backend::incoming::judged;
 use crate::backend::stage::{EndReason, Kick, StageRequest, StageResult};
 use crate::backend::{liggghts, native};
 use crate::exit_code;
+use crate::output::progress::Progress;
 use crate::output::summary::Summary;
 use crate::output::timing::reset_peak_memory;
 use crate::plan::Plan;
@@ -137,7 +139,11 @@ fn compute(
         let accepted = |misfit: &String| format!("stream '{}' was accepted although {misfit}", input.name);
         warned.extend(input.misfits.iter().map(accepted));
     }
-    let result = match computed(order, job, &stage) {
+    let doubts = doubts(&stage, inputs);
+    let mut progress = Progress::on_stderr(order.request.verbosity, 0.0, job.scene.end.time);
+    doubts.iter().for_each(|doubt| progress.say(&format!("warning: {}: {doubt}", job.name)));
+    drop(progress);
+    let result = match computed(order, job, &stage).map_err(|error| error.with_doubts(&doubts)) {
         Ok(result) => result,
         Err(error) => {
             // What went wrong first is what the user must hear of, also where the disk takes no summary any more.
@@ -154,6 +160,17 @@ fn compute(
     let summary = summary::of(order, job, &result, &measures, warned, place)?;
     summary.write(&folder.summary_path())?;
     Ok(StageOutcome { was_done: false, timing: result.timing.table(), ..StageOutcome::done(&job.name, place, summary) })
+}
+
+/// What the streams tell of their cuts before anything is computed: a user may rather not wait for the result.
+fn doubts(stage: &StageRequest, inputs: &[StreamInput]) -> Vec<String> {
+    let mut doubts = Vec::new();
+    for (order, input) in stage.replays.iter().zip(inputs) {
+        let quality = judged(&input.manifest, None, order.replay.path);
+        let warnings = quality.into_iter().flat_map(|quality| quality.warnings);
+        doubts.extend(warnings.map(|warning| format!("gate '{}': {warning}", order.name)));
+    }
+    doubts
 }
 
 /// Lets the job's backend compute it.

@@ -70,6 +70,9 @@ fn a_squeeze_beyond_the_overlap_limit_names_the_ghost() {
     let bench = blocked();
     let settings = ["--set", "solver.overlap_limit=0.3", "--set", "end.time=0.3 s"];
     let answer = bench.attempt("squeezed", &settings);
-    answer.refused(7, &["stopped at a gate", "a ghost", "limit 30.0 %", "--whole"]);
+    answer.refused(
+        7,
+        &["stopped at a gate", "a ghost", "limit 30.0 %", "--whole", "what it replays may be the reason", "in contact"],
+    );
     assert!(!answer.err.contains("raise the stiffness"), "{answer:?}");
 }
