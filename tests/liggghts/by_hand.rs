@@ -189,7 +189,7 @@ fn the_hopper_does_as_one_by_hand() {
     let cases = [TempDir::new().unwrap(), TempDir::new().unwrap()];
     for case in &cases {
         deck::write(&order, case.path()).unwrap();
-        enter(case.path(), &order.schedule, groups::ACTIVE, &spheres);
+        enter(case.path(), groups::ACTIVE, &spheres);
     }
     let [ours, theirs] = cases.each_ref().map(TempDir::path);
     fs::write(theirs.join("in.liggghts"), by_hand("hopper")).unwrap();
@@ -226,7 +226,7 @@ fn the_chute_does_as_one_by_hand() {
     let cases = [TempDir::new().unwrap(), TempDir::new().unwrap()];
     for case in &cases {
         deck::write(&order, case.path()).unwrap();
-        enter(case.path(), &order.schedule, groups::RECORDED, &ghosts);
+        enter(case.path(), groups::RECORDED, &ghosts);
         paths(case.path(), &order.schedule, &ghosts, 0.19);
     }
     let [ours, theirs] = cases.each_ref().map(TempDir::path);
@@ -265,7 +265,7 @@ fn two_ranks_pass_as_many_as_one() {
         let order = order(&job, 1e-5, 7000, &settings);
         let folder = TempDir::new().unwrap();
         deck::write(&order, folder.path()).unwrap();
-        enter(folder.path(), &order.schedule, groups::ACTIVE, &spheres);
+        enter(folder.path(), groups::ACTIVE, &spheres);
         assert!(run_on(ranks, folder.path()).contains("tollgate end time 7000"));
         passages(folder.path(), &order)
     });

@@ -45,7 +45,7 @@ pub fn order<'a>(job: &'a StageJob, timestep: f64, steps: u64, settings: &'a Lig
 }
 
 /// Writes what enters at step 0, and nothing at all other batches.
-pub fn enter(case: &Path, schedule: &Schedule, group: &str, particles: &[Particle]) {
+pub fn enter(case: &Path, group: &str, particles: &[Particle]) {
     let mut atoms = format!("particles\n\n{} atoms\n\nAtoms\n\n", particles.len());
     let mut velocities = "\nVelocities\n\n".to_owned();
     for (tag, material, diameter, density, at, velocity) in particles {
@@ -53,9 +53,8 @@ pub fn enter(case: &Path, schedule: &Schedule, group: &str, particles: &[Particl
         writeln!(velocities, "{tag} {} {} {} 0 0 0", velocity.x, velocity.y, velocity.z).unwrap();
     }
     let batches = case.join("batches");
-    for step in (0..schedule.steps).step_by(schedule.cadence.hand_over as usize) {
-        fs::write(batches.join(format!("{step}.in")), format!("# batch {step}\n")).unwrap();
-    }
+    fs::write(batches.join("0.in"), "# batch 0\n").unwrap();
+    fs::write(batches.join("entering"), "-1\n").unwrap();
     if !particles.is_empty() {
         fs::write(batches.join("0.data"), atoms + &velocities).unwrap();
         let entry = format!("read_data batches/0.data add\ngroup {group} id 1:{}\n", particles.len());
@@ -124,12 +123,7 @@ fn the_hopper_opens_once_at_rest_and_hands_over_what_passes() {
     let folder = TempDir::new().unwrap();
     let case = folder.path();
     deck::write(&order, case).unwrap();
-    enter(
-        case,
-        &order.schedule,
-        groups::ACTIVE,
-        &lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros()),
-    );
+    enter(case, groups::ACTIVE, &lattice([5, 5, 8], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros()));
     let said = run(case);
     assert!(said.contains("tollgate event plate 0"), "{said}");
     assert!(said.contains("tollgate end time 9000"), "{said}");
@@ -177,7 +171,7 @@ fn ghosts_on_recorded_paths_become_particles_that_fall_on_the_chute() {
     let case = folder.path();
     deck::write(&order, case).unwrap();
     let ghosts = lattice([5, 5, 4], vec3(-0.009, -0.009, 0.1903), 0.0045, 0.004, vec3(0.0, 0.0, -0.5));
-    enter(case, &order.schedule, groups::RECORDED, &ghosts);
+    enter(case, groups::RECORDED, &ghosts);
     paths(case, &order.schedule, &ghosts, 0.19);
     let said = run(case);
     assert!(said.contains("tollgate end time 5000"), "{said}");
@@ -204,7 +198,7 @@ fn the_sinter_chute_is_taken_as_it_is() {
         let folder = TempDir::new().unwrap();
         deck::write(&order, folder.path()).unwrap();
         let grains = lattice([6, 6, 5], vec3(-0.014, -0.012, height), 0.0045, 0.004, vec3(0.0, 0.0, -0.5));
-        enter(folder.path(), &order.schedule, groups::ACTIVE, &grains);
+        enter(folder.path(), groups::ACTIVE, &grains);
         let said = run(folder.path());
         assert!(said.contains("tollgate end time 2000"), "{said}");
         let last = last_row(folder.path());
@@ -277,12 +271,7 @@ fn parts_move_as_the_scene_says() {
     let order = order(&job, 1e-5, 2000, &settings);
     let folder = TempDir::new().unwrap();
     deck::write(&order, folder.path()).unwrap();
-    enter(
-        folder.path(),
-        &order.schedule,
-        groups::ACTIVE,
-        &lattice([2, 2, 1], vec3(0.1, 0.1, 0.15), 0.01, 0.004, Vec3::zeros()),
-    );
+    enter(folder.path(), groups::ACTIVE, &lattice([2, 2, 1], vec3(0.1, 0.1, 0.15), 0.01, 0.004, Vec3::zeros()));
     let said = run(folder.path());
     assert!(said.contains("tollgate event comes 1 500") && said.contains("tollgate event comes 0 1500"), "{said}");
     for step in [500_u32, 1000, 1500, 2000] {
@@ -333,7 +322,7 @@ fn recorded_particles_go_on_as_the_gate_says_until_they_are_taken_out() {
         let folder = TempDir::new().unwrap();
         deck::write(&order, folder.path()).unwrap();
         let beads = lattice([5, 5, 1], vec3(-0.010, -0.010, 0.015), 0.005, 0.004, vec3(0.0, 0.0, -0.6));
-        enter(folder.path(), &order.schedule, groups::ACTIVE, &beads);
+        enter(folder.path(), groups::ACTIVE, &beads);
         let said = run(folder.path());
         let removed = rows_of(&folder.path().join("removed/the-gate.dump"));
         assert_eq!(removed.len(), through, "{mode} {plane}\n{said}");

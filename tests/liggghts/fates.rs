@@ -30,7 +30,7 @@ fn who_comes_back_over_the_gate_is_taken_out() {
     let folder = TempDir::new().unwrap();
     deck::write(&order, folder.path()).unwrap();
     let beads = lattice([3, 3, 1], vec3(-0.006, -0.006, 0.003), 0.006, 0.004, vec3(0.0, 0.0, -0.8));
-    enter(folder.path(), &order.schedule, groups::ACTIVE, &beads);
+    enter(folder.path(), groups::ACTIVE, &beads);
     let said = run(folder.path());
     let returned = rows_of(&folder.path().join("removed/the-gate.returning.dump"));
     assert_eq!(returned.len(), beads.len(), "{said}");
@@ -53,7 +53,7 @@ fn who_sits_behind_the_gate_is_taken_out() {
     let above = beads.len();
     let sitting = lattice([3, 2, 1], vec3(-0.006, -0.006, -0.004), 0.006, 0.004, Vec3::zeros());
     beads.extend(sitting.into_iter().map(|bead| (bead.0 + above as u32, bead.1, bead.2, bead.3, bead.4, bead.5)));
-    enter(folder.path(), &order.schedule, groups::ACTIVE, &beads);
+    enter(folder.path(), groups::ACTIVE, &beads);
     let said = run(folder.path());
     let sat = rows_of(&folder.path().join("removed/the-gate.sitting.dump"));
     assert_eq!(sat.len(), beads.len() - above, "{said}");
@@ -73,11 +73,12 @@ fn an_empty_stage_is_not_at_rest() {
     let folder = TempDir::new().unwrap();
     deck::write(&order, folder.path()).unwrap();
     let spheres = lattice([5, 5, 2], vec3(-0.009, -0.009, 0.2025), 0.0045, 0.004, Vec3::zeros());
-    enter(folder.path(), &order.schedule, groups::ACTIVE, &spheres);
+    enter(folder.path(), groups::ACTIVE, &spheres);
     let batches = folder.path().join("batches");
     let entering = fs::read_to_string(batches.join("0.in")).unwrap();
     fs::write(batches.join("0.in"), "# nobody yet\n").unwrap();
     fs::write(batches.join(format!("{entry}.in")), entering).unwrap();
+    fs::write(batches.join("entering"), format!("{entry}\n-1\n")).unwrap();
     // The run must not end for being empty before they come; of rest the deck does not know when that is.
     let deck_path = folder.path().join("in.liggghts");
     let text = fs::read_to_string(&deck_path).unwrap();

@@ -144,8 +144,11 @@ fn deck(prepared: &Prepared) -> String {
     let Cadence { look, hand_over } = CADENCE;
     let run = format!("run {hand_over} pre no post no every {look} {}\n", every.join(" "));
     let mut text = HEAD.to_owned();
+    let enters = |step| step == 0 || prepared.particles.iter().any(|entered| entered.step == step);
     for step in (0..STEPS).step_by(hand_over as usize) {
-        let _ = writeln!(text, "include {}/{step}.in", files::BATCHES);
+        if enters(step) {
+            let _ = writeln!(text, "include {}/{step}.in", files::BATCHES);
+        }
         if step == 0 {
             for command in define(ghosts.recorded).iter().chain(&at_first) {
                 let _ = writeln!(text, "{command}");
@@ -333,10 +336,13 @@ fn a_damaged_dump_of_arrivals_is_refused_and_whoever_is_missing_is_listed() {
     };
     let row = whole.lines().find(|line| line.split(' ').count() >= 13 && !line.starts_with("ITEM")).unwrap();
     let at = whole.find(row).unwrap();
-    refused(&whole[..at + row.len() / 2], "a row of 13 numbers was expected");
-    refused(&whole.replacen(row, &row.replacen(' ', " x", 1), 1), "a row of 13 numbers was expected");
-    refused(&whole.replacen("ITEM: BOX", "ITEM: COX", 1), "'ITEM: BOX BOUNDS' was expected");
-    let late = format!("ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n0\n", STEPS + 100);
+    refused(&whole[..at + row.len() / 2], "a half-written line");
+    refused(&whole.replacen(row, &row.replacen(' ', " x", 1), 1), "is not a whole number");
+    refused(&whole.replacen("ITEM: BOX", "ITEM: COX", 1), "expected a line that starts with \"ITEM: \"");
+    let late = format!(
+        "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n0\nITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\nITEM: ATOMS id\n",
+        STEPS + 100
+    );
     refused(&format!("{whole}{late}"), "it goes on to time step");
     // One arrival taken away, another one two samples late.
     let count = whole[..at].rfind("ITEM: NUMBER OF ATOMS\n").unwrap() + "ITEM: NUMBER OF ATOMS\n".len();

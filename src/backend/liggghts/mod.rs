@@ -109,6 +109,8 @@ pub mod files {
     pub const MESHES: &str = "meshes";
     /// What enters at each batch: `STEP.in`, which is included at every batch, and `STEP.data`, where something enters.
     pub const BATCHES: &str = "batches";
+    /// Time steps of the batches at which anything enters, in their folder.
+    pub const ENTERING: &str = "entering";
     /// Ghosts on recorded paths, as atomfile variables px py pz qx qy qz wx wy wz, and `release`: one section a sample, from step 0.
     pub const PATHS: &str = "paths";
     /// Samples at the gates, `GATE/STEP.bin`, with [`super::COLUMNS`].

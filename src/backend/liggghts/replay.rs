@@ -153,12 +153,14 @@ pub fn prepare(
         particles: Vec::new(),
         extent: Bounds::EMPTY,
         last_entry: 0,
+        entering: Vec::new(),
     };
     for step in (0..=schedule.steps).step_by(schedule.cadence.look as usize) {
         preparation.sample(step)?;
     }
     preparation.paths.take().map_or(Ok(()), Paths::close)?;
-    let Preparation { feeds, tags, particles, extent, last_entry, .. } = preparation;
+    let Preparation { batches: folder, feeds, tags, particles, extent, last_entry, entering, .. } = preparation;
+    batches::write_steps(&folder, &entering)?;
     tags.write(&case.join(files::TAGS))?;
     Ok(Prepared {
         ghosts,
@@ -211,6 +213,8 @@ struct Preparation<'a> {
     particles: Vec<Entered>,
     extent: Bounds,
     last_entry: u64,
+    /// Time steps of the batches behind the first one at which anything enters.
+    entering: Vec<u64>,
 }
 
 impl Preparation<'_> {
@@ -248,6 +252,12 @@ impl Preparation<'_> {
                 };
                 batch.add(tag, state, group);
             }
+        }
+        if step > 0 {
+            if batch.is_empty() {
+                return Ok(());
+            }
+            self.entering.push(step);
         }
         Ok(batch.write(&self.batches, step, &self.schedule)?)
     }

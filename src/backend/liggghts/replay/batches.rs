@@ -1,6 +1,7 @@
 //! What enters at a batch: a file of particles for `read_data .. add`, and the lines that read it and put the particles into groups.
+//! Batches at which nothing enters have no file; a list of time steps, which a file variable of the deck reads, tells the others.
 
-use crate::backend::liggghts::Schedule;
+use crate::backend::liggghts::{Schedule, files};
 use crate::particle::ParticleState;
 use crate::storage::{StorageError, staging::write_whole};
 use std::fmt::Write;
@@ -23,6 +24,11 @@ impl Batch {
             Some((_, _, last)) => *last = tag,
             None => self.groups.push((group, tag, tag)),
         }
+    }
+
+    /// True where nothing enters.
+    pub const fn is_empty(&self) -> bool {
+        self.particles.is_empty()
     }
 
     /// Writes `STEP.in` and, where something enters, `STEP.data`.
@@ -60,6 +66,13 @@ impl Batch {
         }
         text
     }
+}
+
+/// Writes the list of the batches behind the first one at which anything enters. It ends with a time step that never comes: at the end
+/// of the list the deck's variable would be gone.
+pub fn write_steps(folder: &Path, steps: &[u64]) -> Result<(), StorageError> {
+    let lines: String = steps.iter().map(|step| format!("{step}\n")).collect();
+    write_whole(&folder.join(files::ENTERING), format!("{lines}-1\n").as_bytes())
 }
 
 /// A number as the shortest text that reads back to the same bits.
@@ -105,6 +118,8 @@ mod tests {
         let read = |name: &str| std::fs::read_to_string(place.join(name)).unwrap();
         assert_eq!(read("0.in"), "# step 0, 0 s: 0 particles enter\n");
         assert!(!place.join("0.data").exists());
+        write_steps(&place, &[100, 300]).unwrap();
+        assert_eq!(read("entering"), "100\n300\n-1\n");
         assert_eq!(
             read("100.in").lines().skip(1).collect::<Vec<_>>(),
             ["read_data batches/100.data add", "group active id 3:4", "group ghost_constant id 5:5"]
