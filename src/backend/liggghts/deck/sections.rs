@@ -11,6 +11,13 @@ use crate::backend::liggghts::{deck_number, files, groups};
 use crate::math::Bounds;
 use crate::scene::backend::DeckPlace;
 
+/// Side of the bins that neighbours are looked for in, over the reach of a contact with its skin.
+///
+/// LIGGGHTS' own bins have half the reach. With them it needs 40 % of the time on a chute of few large triangles to find out, whenever
+/// particles enter, which bins each triangle meets: 39.6, 31.2, 26.4, 22.2, 24.4 s of processor time with bins of 3.3 (its own), 4, 6,
+/// 10, 16 mm, spheres of 3 to 5 mm and a skin of 1.6 mm; a hopper 18.2, 15.1, 15.7, 18.0 s with 3.3, 6, 10, 16 mm.
+const BIN: f64 = 1.5;
+
 /// The text of the deck.
 ///
 /// # Errors
@@ -95,8 +102,15 @@ fn system(order: &DeckOrder<'_>, templates: &Templates) -> Result<String, String
             ("box", &block(&order.bounds)),
             ("types", &order.scene.materials.materials.len().to_string()),
             ("skin", &deck_number(order.skin)),
+            ("bin", &deck_number(two_digits(BIN * (order.scene.largest_diameter() + order.skin)))),
         ],
     )
+}
+
+/// A positive number rounded to two digits.
+fn two_digits(value: f64) -> f64 {
+    let unit = 10_f64.powi(1 - value.log10().floor() as i32);
+    (value * unit).round() / unit
 }
 
 /// Six numbers: x from, x to, y from, ...
