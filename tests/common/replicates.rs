@@ -46,7 +46,7 @@ impl<'a> Order<'a> {
         self
     }
 
-    /// The summary, also of a run that the watchdog stopped.
+    /// The summary, also of a run that the watchdog or LIGGGHTS stopped.
     pub fn run(&self) -> Summary {
         let request = RunRequest {
             scene: root().join("tests/scenes/hopper").join(self.scene),
@@ -62,7 +62,11 @@ impl<'a> Order<'a> {
         };
         match run(&request, &AtomicBool::new(false)) {
             Ok(report) => report.summary,
-            Err(RunError::Backend(error)) if error.exit_code() == exit_code::UNSTABLE => stopped(&self.out),
+            Err(RunError::Backend(error))
+                if [exit_code::UNSTABLE, exit_code::BACKEND_FAILED].contains(&error.exit_code()) =>
+            {
+                stopped(&self.out)
+            }
             Err(RunError::StoppedBefore(_)) => stopped(&self.out),
             Err(error) => panic!("{}: {error:?}", self.out.display()),
         }
