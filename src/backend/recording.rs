@@ -95,7 +95,9 @@ fn feed_names(scene: &Scene, request: &StageRequest) -> Result<Vec<String>, Stor
 pub fn recorder(scene: &Scene, order: &Recording, timestep: f64, cadence: Cadence) -> Recorder {
     let role = if order.observes { Role::Observe } else { Role::HandOver };
     let largest = scene.largest_diameter();
+    let periods = scene.domain.periods();
     let mut watched = order.gate.clone();
+    watched.plane = watched.plane.over_borders(&periods);
     if let Some(paths) = &mut watched.paths {
         paths.length += ENTRY_MARGIN * largest;
         if cadence.look > 1 {
@@ -103,7 +105,7 @@ pub fn recorder(scene: &Scene, order: &Recording, timestep: f64, cadence: Cadenc
             paths.length += speed * timestep * cadence.hand_over as f64;
         }
     }
-    Recorder::new(&watched, role, scene.gravity, timestep, largest, cadence)
+    Recorder::new(&watched, role, scene.gravity, timestep, largest, cadence).with_periods(periods)
 }
 
 /// Figures of the crossings of `gate`. The generation zone is the replay's; the path's length, or else that of the exclusion

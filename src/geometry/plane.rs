@@ -42,6 +42,21 @@ impl GatePlane {
         (position - self.point).dot(&self.normal)
     }
 
+    /// The same plane with an opening that reaches far beyond borders between which it spans whole `periods` \[m\] along x, y, z: no
+    /// particle passes beside it, and one that is not yet back at the other side of its domain passes it, too.
+    #[must_use]
+    pub fn over_borders(mut self, periods: &[Option<f64>; 3]) -> Self {
+        let spans = |side: &Vec3| {
+            let longest = side.iamax();
+            let along = side[longest].abs();
+            periods[longest].is_some_and(|period| along >= period * (1.0 - 1e-9)) && side.norm() <= along * (1.0 + 1e-9)
+        };
+        if let Aperture::Rectangle { side_a, side_b } = &mut self.aperture {
+            [side_a, side_b].into_iter().filter(|side| spans(side)).for_each(|side| *side *= 2.0);
+        }
+        self
+    }
+
     /// True where the foot of the perpendicular from `position` [m] lies in the aperture, its border included.
     #[must_use]
     pub fn holds(&self, position: &Vec3) -> bool {
@@ -66,6 +81,19 @@ impl GatePlane {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_opening_between_periodic_borders_has_no_sides_there() {
+        let rectangle = Aperture::Rectangle { side_a: Vec3::new(0.06, 0.0, 0.0), side_b: Vec3::new(0.0, 0.03, 0.0) };
+        let plane = GatePlane { point: Vec3::zeros(), normal: -Vec3::z(), aperture: rectangle };
+        let beside = |x: f64, y: f64, plane: &GatePlane| plane.holds(&Vec3::new(x, y, 0.0));
+        assert!(!beside(0.0, 0.0151, &plane));
+        let wide = plane.over_borders(&[None, Some(0.03), None]);
+        assert!(beside(0.0, 0.0151, &wide) && beside(0.029, -0.0151, &wide) && !beside(0.031, 0.0, &wide));
+        // Another period, or an open axis: as it is.
+        assert_eq!(plane.over_borders(&[Some(0.07), Some(0.04), None]), plane);
+        assert_eq!(plane.over_borders(&[None; 3]), plane);
+    }
     use crate::math::vec3;
 
     fn plane(aperture: Aperture) -> GatePlane {

@@ -95,6 +95,32 @@ pub struct Domain {
     pub periodic: [bool; 3],
 }
 
+impl Domain {
+    /// Periods along x, y, z \[m\]; `None` along open axes.
+    #[must_use]
+    pub fn periods(&self) -> [Option<f64>; 3] {
+        let size = self.bounds.size();
+        std::array::from_fn(|axis| self.periodic[axis].then_some(size[axis]))
+    }
+
+    /// `place` \[m\] moved by whole periods into the domain; along open axes it stays.
+    #[must_use]
+    pub fn wrapped(&self, place: &Vec3) -> Vec3 {
+        let mut inside = *place;
+        for (axis, period) in self.periods().into_iter().enumerate() {
+            let (low, high) = (self.bounds.minimum[axis], self.bounds.maximum[axis]);
+            if let Some(period) = period.filter(|_| !(low..high).contains(&place[axis])) {
+                inside[axis] -= ((place[axis] - low) / period).floor() * period;
+                // Rounding may have brought it to the border itself, which belongs to the other side.
+                if inside[axis] >= high {
+                    inside[axis] = low;
+                }
+            }
+        }
+        inside
+    }
+}
+
 /// The solver's knobs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SolverSettings {

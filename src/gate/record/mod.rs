@@ -141,6 +141,16 @@ impl Approach {
     }
 }
 
+impl Approach {
+    /// Moves the path by whole `periods` [m] so that it leads on to the motion `end`, an `interval` [s] after its last one.
+    fn end_at(&mut self, end: &Motion, interval: f64, periods: &[Option<f64>; 3]) {
+        let turns = end.position - passage::unwrapped(&self.motion, end, interval, periods).position;
+        if turns != Vec3::zeros() {
+            self.path.iter_mut().chain([&mut self.motion]).for_each(|motion| motion.position += turns);
+        }
+    }
+}
+
 impl Recorder {
     /// A recorder of `gate` for a run with `gravity` [m/s2] and `timestep` [s] whose largest particle has `largest_diameter` [m];
     /// it is shown the particles at every look of `cadence`, whose `hand_over` is a multiple of its `look`.
@@ -174,7 +184,7 @@ impl Recorder {
     }
 
     /// The same recorder in a domain with `periods` along x, y, z [m]: a particle may leave it at one side and come in at the
-    /// other between two looks.
+    /// other between two looks. Its path is stored as if it had gone straight on, up to where it is when it passes.
     #[must_use]
     pub fn with_periods(mut self, periods: [Option<f64>; 3]) -> Self {
         self.periods = periods;
@@ -248,7 +258,13 @@ impl Recorder {
                 // It was away: the path that was begun then is not this one.
                 approach.path.clear();
             }
-            (approach.step, approach.distance, approach.motion) = (step, distance, seen.motion);
+            let motion = passage::unwrapped(
+                &approach.motion,
+                &seen.motion,
+                self.cadence.look as f64 * self.timestep,
+                &self.periods,
+            );
+            (approach.step, approach.distance, approach.motion) = (step, distance, motion);
             approach.prolong(self.gate.paths, self.cadence, self.tally.recorded > 0);
         } else if self.after.contains_key(&seen.id) {
             self.see_returned(step, seen, distance, look);
@@ -281,7 +297,8 @@ impl Recorder {
     }
 
     /// Records the passage of a particle if it leads through the aperture.
-    fn pass(&mut self, step: u64, seen: &Seen, distance: f64, approach: Approach, look: &mut Look) {
+    fn pass(&mut self, step: u64, seen: &Seen, distance: f64, mut approach: Approach, look: &mut Look) {
+        approach.end_at(&seen.motion, self.cadence.look as f64 * self.timestep, &self.periods);
         let (old, new) = (&approach.motion, &seen.motion);
         let along = |vector: &Vec3| vector.dot(&self.gate.plane.normal);
         let passage = if distance == 0.0 {
@@ -290,10 +307,9 @@ impl Recorder {
         } else if self.cadence.look > 1 {
             let interval = self.cadence.look as f64 * self.timestep;
             let start = (step - self.cadence.look) as f64 * self.timestep;
-            let new = passage::unwrapped(old, new, interval, &self.periods);
             let ends = [(approach.distance, along(&old.velocity)), (distance, along(&new.velocity))];
             let tau = passage::first_root(ends, interval);
-            passage::state_between(old, &new, tau, interval, start + tau)
+            passage::state_between(old, new, tau, interval, start + tau)
         } else {
             let (speed, acceleration) = (along(&old.velocity), along(&old.acceleration));
             let tau = passage::substep(approach.distance, speed, acceleration, self.timestep);
