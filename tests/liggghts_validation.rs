@@ -41,7 +41,8 @@ fn every_combination_of_codes_agrees() {
     let (native, whole) = (whole_runs(), whole_on_liggghts());
     let native_split = runs("lig-native", RUNS, SAMPLE / 2, &[]);
     let split = runs("lig-split", REFERENCE_RUNS, SAMPLE, &["backend"]);
-    let forth = runs("lig-mixed-NL", RUNS, SAMPLE / 2, &["stage.chute.backend"]);
+    // Its heaps scatter most, by 1.6 deg.
+    let forth = runs("lig-mixed-NL", RUNS + 2, SAMPLE / 2, &["stage.chute.backend"]);
     let back = runs("lig-mixed-LN", RUNS, SAMPLE, &["stage.hopper.backend"]);
     let mut disagreements = Vec::new();
     for (what, one, other) in [

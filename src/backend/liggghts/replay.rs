@@ -24,8 +24,8 @@ use crate::dem::feed::FeedReport;
 use crate::gate::replay::{Due, Replayer};
 use crate::math::{Bounds, Vec3};
 use crate::particle::{ParticleId, ParticleState};
-use crate::scene::Scene;
 use crate::scene::gate::PathMode;
+use crate::scene::{Domain, Scene};
 use crate::storage::StorageError;
 use batches::Batch;
 use paths::{Paths, Steered};
@@ -149,6 +149,7 @@ pub fn prepare(
         modes: replays.iter().map(|order| order.replay.path).collect(),
         streams: streams.collect::<Result<_, StorageError>>()?,
         on_their_way: BTreeMap::new(),
+        domain: scene.domain,
         tags: Tags::default(),
         particles: Vec::new(),
         extent: Bounds::EMPTY,
@@ -209,6 +210,7 @@ struct Preparation<'a> {
     modes: Vec<PathMode>,
     /// Ghosts that are there, by tag: identity and stream.
     on_their_way: BTreeMap<u32, (ParticleId, usize)>,
+    domain: Domain,
     tags: Tags,
     particles: Vec<Entered>,
     extent: Bounds,
@@ -240,14 +242,16 @@ impl Preparation<'_> {
         }
         for (index, due) in due.iter().enumerate() {
             for entry in &due.insert {
-                let tag = self.enter(step, &entry.state, Some(index));
+                let inside = self.domain.wrapped(&entry.state.position);
+                let entering = ParticleState { position: inside, ..entry.state };
+                let tag = self.enter(step, &entering, Some(index));
                 self.on_their_way.insert(tag, (entry.state.id, index));
                 let (group, state) = match self.modes[index] {
-                    PathMode::Constant => (groups::CONSTANT, entry.state),
-                    PathMode::Ballistic => (groups::BALLISTIC, entry.state),
+                    PathMode::Constant => (groups::CONSTANT, entering),
+                    PathMode::Ballistic => (groups::BALLISTIC, entering),
                     PathMode::Recorded | PathMode::Compliant => {
                         let Steered { velocity, spin, .. } = self.steered(tag, entry.state.id, index, step);
-                        (groups::RECORDED, ParticleState { velocity, spin, ..entry.state })
+                        (groups::RECORDED, ParticleState { velocity, spin, ..entering })
                     }
                 };
                 batch.add(tag, state, group);
@@ -266,7 +270,9 @@ impl Preparation<'_> {
         let ParticleState { id, radius, density, material, position, .. } = *state;
         let stream = stream.map(|index| index as u16);
         self.particles.push(Entered { radius, density, material, stream, step, release: u64::MAX });
-        let reach = Vec3::from_element(radius);
+        let mut reach = Vec3::from_element(radius);
+        // Nobody reaches over a periodic border: there is the other side.
+        (0..3).filter(|axis| self.domain.periodic[*axis]).for_each(|axis| reach[axis] = 0.0);
         self.extent.include(&(position - reach));
         self.extent.include(&(position + reach));
         self.last_entry = step;
@@ -284,7 +290,7 @@ impl Preparation<'_> {
         let span = look as f64 * self.schedule.timestep;
         Steered {
             tag,
-            position: now.position,
+            position: self.domain.wrapped(&now.position),
             velocity: (next.position - now.position) / span,
             spin: (now.spin + next.spin) * 0.5,
         }

@@ -26,6 +26,8 @@ pub fn column_formats() -> String {
 pub struct GateText<'a> {
     /// The gate.
     pub gate: &'a Gate,
+    /// Its plane, whose opening reaches beyond periodic borders that it spans.
+    plane: GatePlane,
     /// Its name in the deck.
     pub id: String,
     /// Whether particles that have passed are handed over, so that the deck must know them.
@@ -53,6 +55,7 @@ pub fn gates<'a>(scene: &Scene, records: &'a [Recording], schedule: &Schedule, c
         let [from, to] = slab(scene, recording, schedule, speed);
         GateText {
             gate,
+            plane: gate.plane.over_borders(&scene.domain.periods()),
             id,
             hands_over: !recording.observes,
             finds_crossings: !recording.observes || contacts,
@@ -165,7 +168,7 @@ impl GateText<'_> {
     }
 
     fn plane(&self) -> &GatePlane {
-        &self.gate.plane
+        &self.plane
     }
 
     fn at(&self, distance: f64) -> String {

@@ -8,7 +8,7 @@ use crate::geometry::frustum::Frustum;
 use crate::geometry::motion::Motion;
 use crate::geometry::part::{Part, Surface, TriangleMesh, Trigger};
 use crate::math::{Bounds, Vec3};
-use crate::scene::{Scene, extent};
+use crate::scene::{Domain, Scene, extent};
 
 /// Generators that a cylinder or cone is made of.
 const SEGMENTS: u32 = 128;
@@ -124,7 +124,7 @@ pub fn walls<'a>(scene: &'a Scene, schedule: &Schedule, endless: bool) -> Vec<Wa
 
 fn shape(scene: &Scene, part: &Part, end: f64, endless: bool) -> Shape {
     match &part.surface {
-        Surface::Mesh(mesh) => Shape::Mesh(mesh.clone()),
+        Surface::Mesh(mesh) => Shape::Mesh(without_ends(mesh, &scene.domain).unwrap_or_else(|| mesh.clone())),
         Surface::Frustum { start, end, start_radius, end_radius } => {
             Shape::Mesh(Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS))
         }
@@ -135,6 +135,24 @@ fn shape(scene: &Scene, part: &Part, end: f64, endless: bool) -> Shape {
             _ => Shape::Mesh(rectangle(scene, point, normal, &part.motion, end)),
         },
     }
+}
+
+/// A mesh between periodic borders without its triangles on them; `None` where it does not end on both borders of an axis. Where it does,
+/// its ends are one and the same place inside of it, which nobody touches, and LIGGGHTS refuses them as duplicates.
+#[must_use]
+pub fn without_ends(mesh: &TriangleMesh, domain: &Domain) -> Option<TriangleMesh> {
+    let mut kept = mesh.clone();
+    for (axis, period) in domain.periods().into_iter().enumerate() {
+        let Some(period) = period else { continue };
+        let lies = |triangle: &[u32; 3], border: f64| {
+            triangle.iter().all(|&vertex| (mesh.vertices[vertex as usize][axis] - border).abs() <= 1e-9 * period)
+        };
+        let borders = [domain.bounds.minimum[axis], domain.bounds.maximum[axis]];
+        if borders.iter().all(|&border| mesh.triangles.iter().any(|triangle| lies(triangle, border))) {
+            kept.triangles.retain(|triangle| !borders.iter().any(|&border| lies(triangle, border)));
+        }
+    }
+    (kept.triangles.len() < mesh.triangles.len()).then_some(kept)
 }
 
 /// The axis along which a unit normal lies.

@@ -4,14 +4,14 @@ use super::DeckOrder;
 use super::events::Events;
 use super::gates::{GateText, domain_removal, radius_variable};
 use super::names::lines;
-use super::sections::block;
 use super::template::Templates;
 use super::walls::WallText;
 use crate::backend::liggghts::record::contacts::{
     FRESH, PAIR_COLUMNS, PAIRS_FILE, QUANTITIES, TOUCH, WALL_COLUMNS, WALLS_FILE, dump_arguments, history_numbers,
     touch_box, touch_slab,
 };
-use crate::backend::liggghts::{COLUMNS, groups, replay};
+use crate::backend::liggghts::{COLUMNS, deck_number, groups, replay};
+use crate::scene::Domain;
 
 /// Renders the section of gates and borders.
 ///
@@ -43,9 +43,18 @@ pub fn gates_section(
             ("gates", &text),
             ("contacts", &contacts),
             ("batch", &order.schedule.cadence.hand_over.to_string()),
-            ("domain", &block(&order.scene.domain.bounds)),
+            ("domain", &borders(&order.scene.domain)),
         ],
     )
+}
+
+/// Six numbers as of [`block`], without borders along periodic axes: who comes over those is moved to the other side some steps later.
+fn borders(domain: &Domain) -> String {
+    let side = |axis: usize| {
+        let (low, high) = (domain.bounds.minimum[axis], domain.bounds.maximum[axis]);
+        if domain.periodic[axis] { "INF INF".to_owned() } else { format!("{} {}", deck_number(low), deck_number(high)) }
+    };
+    format!("{} {} {}", side(0), side(1), side(2))
 }
 
 fn contact_computes(order: &DeckOrder<'_>, gates: &[GateText<'_>], walls: &WallText<'_>) -> String {

@@ -10,6 +10,7 @@ pub mod contacts;
 pub mod local_dump;
 pub mod samples;
 
+use super::deck::parts::without_ends;
 use super::tags::Tags;
 use super::{NAME, NUMERICS_VERSION, Schedule, files};
 use crate::backend::BackendError;
@@ -101,7 +102,7 @@ impl Recordings {
         tags: &Tags,
         version: &str,
     ) -> Result<Self, BackendError> {
-        let periods = periods(scene);
+        let periods = scene.domain.periods();
         let laws = laws(scene);
         let computed = Computed {
             backend: NAME,
@@ -118,7 +119,7 @@ impl Recordings {
             let recorder = recording::recorder(scene, order, schedule.timestep, schedule.cadence);
             Ok(GateRecording {
                 order: order.clone(),
-                recorder: recorder.with_periods(periods),
+                recorder,
                 statistics: recording::statistics(scene, &order.gate),
                 writer: recording::start_stream(&place, origin)?,
                 folder: case.join(files::SAMPLES).join(&order.gate.name),
@@ -126,7 +127,10 @@ impl Recordings {
                 passed: Vec::new(),
             })
         };
-        let own = |part: &Part| matches!(part.surface, Surface::Mesh(_));
+        let own = |part: &Part| match &part.surface {
+            Surface::Mesh(mesh) => without_ends(mesh, &scene.domain).is_none(),
+            Surface::Plane { .. } | Surface::Frustum { .. } => false,
+        };
         let meshes = || scene.parts.iter().map(own).collect();
         let contacts = scene.liggghts.contacts.then(|| Contacts::new(case, meshes(), periods));
         Ok(Self {
@@ -321,11 +325,6 @@ impl GateRecording {
     fn tally(&self) -> RecordTally {
         RecordTally { in_contact: self.in_contact, ..self.recorder.tally() }
     }
-}
-
-fn periods(scene: &Scene) -> [Option<f64>; 3] {
-    let bounds = &scene.domain.bounds;
-    std::array::from_fn(|axis| scene.domain.periodic[axis].then(|| bounds.maximum[axis] - bounds.minimum[axis]))
 }
 
 /// What LIGGGHTS' contacts mean, in words.

@@ -145,7 +145,7 @@ impl Books {
     }
 
     fn book(&mut self, index: usize, wanted: &ParticleState, arrived: &ParticleState, on_time: bool) {
-        let now = settled(wanted, arrived);
+        let now = settled(wanted, arrived, &self.prepared.scene.domain.periods());
         let Stream { book, bars, .. } = &mut self.streams[index];
         book.arrived(wanted, &now, *bars, self.prepared.scene.body);
         if !on_time {
@@ -187,14 +187,21 @@ impl Books {
     }
 }
 
-/// What arrived, but for the sign of a zero: LIGGGHTS adds to it.
-fn settled(wanted: &ParticleState, arrived: &ParticleState) -> ParticleState {
+/// What arrived, but for the sign of a zero, which LIGGGHTS adds to, and whole `periods` \[m\], by which it moves who is near a border.
+fn settled(wanted: &ParticleState, arrived: &ParticleState, periods: &[Option<f64>; 3]) -> ParticleState {
     let like = |found: Vec3, wanted: &Vec3| {
         Vec3::from_fn(|axis, _| if found[axis] == wanted[axis] { wanted[axis] } else { found[axis] })
     };
+    let mut place = arrived.position;
+    for (axis, period) in periods.iter().enumerate() {
+        let turns = period.map_or(0.0, |period| ((wanted.position[axis] - place[axis]) / period).round() * period);
+        if turns != 0.0 {
+            place[axis] += turns;
+        }
+    }
     ParticleState {
         id: wanted.id,
-        position: like(arrived.position, &wanted.position),
+        position: like(place, &wanted.position),
         velocity: like(arrived.velocity, &wanted.velocity),
         spin: like(arrived.spin, &wanted.spin),
         ..*arrived
