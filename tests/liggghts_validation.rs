@@ -6,7 +6,7 @@
 #[path = "common/replicates.rs"]
 mod replicates;
 
-use replicates::{Order, PLANES, compared, disagreement, pairs_of_modes, print, whole_runs};
+use replicates::{Order, PLANES, compared, disagreement, disagreement_of, pairs_of_modes, print, whole_runs};
 use std::path::PathBuf;
 
 /// Runs on LIGGGHTS, split and whole, that each other combination is compared with: rates scatter by 2.5 %, the margin is 4 %; with ten a
@@ -55,6 +55,44 @@ fn every_combination_of_codes_agrees() {
         let comparison = compared(one, other);
         print(what, &comparison);
         disagreements.extend(disagreement(&comparison, what));
+    }
+    assert!(disagreements.is_empty(), "{disagreements:#?}");
+}
+
+/// Runs of the main example: its rates scatter by 2.5 %, its heaps by 0.5 deg.
+const EXAMPLE_RUNS: u64 = 8;
+
+/// The main example with its chute at 40 deg.
+fn example(out: &str, backend: &str, every: u64, whole: bool) -> PathBuf {
+    let mut order = Order::new("../../../examples/sinter-chute/scene.toml", out)
+        .set("backend", backend)
+        .set("output.frames", "1 s")
+        .set("gate.outlet.paths.every", every);
+    order.stages = if whole { vec!["chute-40".to_owned()] } else { vec!["hopper".to_owned(), "chute-40".to_owned()] };
+    (order.whole, order.replicates) = (whole, EXAMPLE_RUNS);
+    order.run();
+    order.out
+}
+
+#[test]
+#[ignore = "three hours: ./validate"]
+fn the_main_example_agrees() {
+    let run = |backend: &str, every: u64| {
+        let out = |form: &str| format!("example-{backend}-{form}");
+        (example(&out("split"), backend, every, false), example(&out("whole"), backend, every, true))
+    };
+    let ((split, whole), (native_split, native_whole)) = (run("liggghts", SAMPLE), run("native", SAMPLE / 2));
+    let measures = ["gate.outlet.mass_flow_rate", "chute-40.heap", "chute-40.centre_x", "chute-40.centre_z"];
+    let mut disagreements = Vec::new();
+    for (what, one, other) in [
+        ("LIGGGHTS: split against whole", &split, &whole),
+        ("whole: LIGGGHTS against native", &whole, &native_whole),
+        ("split: LIGGGHTS against native", &split, &native_split),
+        ("native: split against whole", &native_split, &native_whole),
+    ] {
+        let comparison = compared(one, other);
+        print(what, &comparison);
+        disagreements.extend(disagreement_of(&comparison, what, &measures));
     }
     assert!(disagreements.is_empty(), "{disagreements:#?}");
 }

@@ -26,6 +26,8 @@ pub struct Order<'a> {
     pub replicates: u64,
     pub perturb: Option<f64>,
     pub reuse: Vec<PathBuf>,
+    /// These stages only; all where it is empty.
+    pub stages: Vec<String>,
 }
 
 impl<'a> Order<'a> {
@@ -38,6 +40,7 @@ impl<'a> Order<'a> {
             replicates: 1,
             perturb: None,
             reuse: Vec::new(),
+            stages: Vec::new(),
         }
     }
 
@@ -57,6 +60,7 @@ impl<'a> Order<'a> {
             perturb: self.perturb,
             threads: Some(1),
             reuse: self.reuse.clone(),
+            stages: self.stages.clone(),
             resume: self.out.exists(),
             ..RunRequest::default()
         };
@@ -95,14 +99,18 @@ pub fn whole_runs() -> PathBuf {
     whole.out
 }
 
-/// Those of rate, heap and centre of mass that differ.
+/// Those of rate, heap and centre of mass of the small hopper's chute that differ.
 pub fn disagreement(comparison: &Comparison, what: &str) -> Vec<String> {
+    disagreement_of(comparison, what, &["chute.rate", "chute.heap", "chute.centre_x", "chute.centre_z"])
+}
+
+/// Those measures, the first whose name begins so, that differ.
+pub fn disagreement_of(comparison: &Comparison, what: &str, measures: &[&str]) -> Vec<String> {
     let measure = |name: &str| {
         let found = comparison.measures.iter().find(|measure| measure.name.starts_with(name));
         found.unwrap_or_else(|| panic!("no measure {name}: {:?}", names(comparison)))
     };
-    let looked_at = ["chute.rate", "chute.heap", "chute.centre_x", "chute.centre_z"].map(measure);
-    let differs = looked_at.into_iter().filter(|found| found.verdict == Verdict::Differs);
+    let differs = measures.iter().map(|name| measure(name)).filter(|found| found.verdict == Verdict::Differs);
     differs.map(|found| format!("{what}: {found:?}")).collect()
 }
 
