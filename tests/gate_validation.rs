@@ -7,7 +7,7 @@
 #[path = "common/replicates.rs"]
 mod replicates;
 
-use replicates::{Order, compared, disagreement, number, pairs_of_modes, print, root, whole_runs};
+use replicates::{CHUTE, Order, compared, disagreement, number, pairs_of_modes, print, root, whole_runs};
 use std::collections::BTreeMap;
 use std::path::Path;
 use tollgate::math::Vec3;
@@ -49,7 +49,7 @@ fn split_and_whole_runs_agree() {
         split.run();
         let comparison = compared(&split.out, &whole);
         print(&format!("{exclusion} upstream, {path} downstream"), &comparison);
-        disagreements.extend(disagreement(&comparison, &format!("{exclusion}, {path}")));
+        disagreements.extend(disagreement(&comparison, &format!("{exclusion}, {path}"), &CHUTE));
     }
     assert!(disagreements.is_empty(), "{disagreements:#?}");
 }
@@ -102,7 +102,7 @@ fn runs_split_at_dense_cuts_agree_with_whole_runs() {
         let shown = if must_agree { "" } else { " (shown, not asserted)" };
         print(&format!("plane at {height} mm, buffer of {length} mm, {path}{shown}"), &comparison);
         if must_agree {
-            disagreements.extend(disagreement(&comparison, &format!("{height} mm, {path}")));
+            disagreements.extend(disagreement(&comparison, &format!("{height} mm, {path}"), &CHUTE));
         }
     }
     assert!(disagreements.is_empty(), "{disagreements:#?}");

@@ -6,8 +6,8 @@
 #[path = "common/replicates.rs"]
 mod replicates;
 
-use replicates::{Order, PLANES, compared, disagreement, disagreement_of, pairs_of_modes, print, whole_runs};
-use std::path::PathBuf;
+use replicates::{CHUTE, Order, PLANES, compared, disagreement, pairs_of_modes, print, whole_runs};
+use std::path::{Path, PathBuf};
 
 /// Runs on LIGGGHTS, split and whole, that each other combination is compared with: rates scatter by 2.5 %, the margin is 4 %; with ten a
 /// side a difference of 1.5 % is inconclusive, and a comparison asks for 11.
@@ -35,6 +35,17 @@ fn whole_on_liggghts() -> PathBuf {
     order.out
 }
 
+/// Prints each comparison of runs with others, and fails if any of the measures differs.
+fn assert_agreement(measures: &[&str], comparisons: &[(&str, &Path, &Path)]) {
+    let mut disagreements = Vec::new();
+    for (what, runs, reference) in comparisons {
+        let comparison = compared(runs, reference);
+        print(what, &comparison);
+        disagreements.extend(disagreement(&comparison, what, measures));
+    }
+    assert!(disagreements.is_empty(), "{disagreements:#?}");
+}
+
 #[test]
 #[ignore = "half an hour: ./validate"]
 fn every_combination_of_codes_agrees() {
@@ -44,19 +55,16 @@ fn every_combination_of_codes_agrees() {
     // Its heaps scatter most, by 1.6 deg.
     let forth = runs("lig-mixed-NL", RUNS + 2, SAMPLE / 2, &["stage.chute.backend"]);
     let back = runs("lig-mixed-LN", RUNS, SAMPLE, &["stage.hopper.backend"]);
-    let mut disagreements = Vec::new();
-    for (what, one, other) in [
-        ("LIGGGHTS: split against whole", &split, &whole),
-        ("whole: LIGGGHTS against native", &whole, &native),
-        ("split: LIGGGHTS against native", &split, &native_split),
-        ("native upstream, LIGGGHTS downstream, against the whole run on LIGGGHTS", &forth, &whole),
-        ("LIGGGHTS upstream, native downstream, against the whole run on the native solver", &back, &native),
-    ] {
-        let comparison = compared(one, other);
-        print(what, &comparison);
-        disagreements.extend(disagreement(&comparison, what));
-    }
-    assert!(disagreements.is_empty(), "{disagreements:#?}");
+    assert_agreement(
+        &CHUTE,
+        &[
+            ("LIGGGHTS: split against whole", &split, &whole),
+            ("whole: LIGGGHTS against native", &whole, &native),
+            ("split: LIGGGHTS against native", &split, &native_split),
+            ("native upstream, LIGGGHTS downstream, against the whole run on LIGGGHTS", &forth, &whole),
+            ("LIGGGHTS upstream, native downstream, against the whole run on the native solver", &back, &native),
+        ],
+    );
 }
 
 /// Runs of the main example: its rates scatter by 2.5 %, its heaps by 0.5 deg.
@@ -82,26 +90,21 @@ fn the_main_example_agrees() {
         (example(&out("split"), backend, every, false), example(&out("whole"), backend, every, true))
     };
     let ((split, whole), (native_split, native_whole)) = (run("liggghts", SAMPLE), run("native", SAMPLE / 2));
-    let measures = ["gate.outlet.mass_flow_rate", "chute-40.heap", "chute-40.centre_x", "chute-40.centre_z"];
-    let mut disagreements = Vec::new();
-    for (what, one, other) in [
-        ("LIGGGHTS: split against whole", &split, &whole),
-        ("whole: LIGGGHTS against native", &whole, &native_whole),
-        ("split: LIGGGHTS against native", &split, &native_split),
-        ("native: split against whole", &native_split, &native_whole),
-    ] {
-        let comparison = compared(one, other);
-        print(what, &comparison);
-        disagreements.extend(disagreement_of(&comparison, what, &measures));
-    }
-    assert!(disagreements.is_empty(), "{disagreements:#?}");
+    assert_agreement(
+        &["gate.outlet.mass_flow_rate", "chute-40.heap", "chute-40.centre_x", "chute-40.centre_z"],
+        &[
+            ("LIGGGHTS: split against whole", &split, &whole),
+            ("whole: LIGGGHTS against native", &whole, &native_whole),
+            ("split: LIGGGHTS against native", &split, &native_split),
+            ("native: split against whole", &native_split, &native_whole),
+        ],
+    );
 }
 
 #[test]
 #[ignore = "half an hour: ./validate"]
 fn runs_split_at_dense_cuts_agree_with_whole_runs() {
     let whole = whole_on_liggghts();
-    let mut disagreements = Vec::new();
     for (height, length) in PLANES.into_iter().filter(|(height, _)| *height < 205.0) {
         let mut split = Order::new("scene.toml", &format!("ligrep-{height}"))
             .set("backend", "liggghts")
@@ -112,12 +115,9 @@ fn runs_split_at_dense_cuts_agree_with_whole_runs() {
             .set("solver.overlap_limit", 1);
         split.replicates = RUNS;
         split.run();
-        let comparison = compared(&split.out, &whole);
         let what = format!("plane at {height} mm, buffer of {length} mm, recorded");
-        print(&what, &comparison);
-        disagreements.extend(disagreement(&comparison, &what));
+        assert_agreement(&CHUTE, &[(&what, &split.out, &whole)]);
     }
-    assert!(disagreements.is_empty(), "{disagreements:#?}");
 }
 
 #[test]

@@ -99,13 +99,11 @@ pub fn whole_runs() -> PathBuf {
     whole.out
 }
 
-/// Those of rate, heap and centre of mass of the small hopper's chute that differ.
-pub fn disagreement(comparison: &Comparison, what: &str) -> Vec<String> {
-    disagreement_of(comparison, what, &["chute.rate", "chute.heap", "chute.centre_x", "chute.centre_z"])
-}
+/// Rate, heap and centre of mass of the small hopper's chute.
+pub const CHUTE: [&str; 4] = ["chute.rate", "chute.heap", "chute.centre_x", "chute.centre_z"];
 
-/// Those measures, the first whose name begins so, that differ.
-pub fn disagreement_of(comparison: &Comparison, what: &str, measures: &[&str]) -> Vec<String> {
+/// Those of the measures, each the first whose name begins so, that differ.
+pub fn disagreement(comparison: &Comparison, what: &str, measures: &[&str]) -> Vec<String> {
     let measure = |name: &str| {
         let found = comparison.measures.iter().find(|measure| measure.name.starts_with(name));
         found.unwrap_or_else(|| panic!("no measure {name}: {:?}", names(comparison)))
