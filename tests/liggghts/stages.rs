@@ -224,7 +224,7 @@ fn a_whole_plant_keeps_everybody_and_observes_its_gate() {
     assert_centre(&bench, "w", &summary);
 }
 
-/// Half of the beads come over the border on their way, some of them at the gate or as ghosts. Not one touches another before the belt:
+/// The beads come over the border on their way, some of them at the gate or as ghosts. Not one touches another before the belt:
 /// up to there both codes compute the same parabolas.
 #[test]
 fn periodic_borders_are_no_borders_at_a_gate() {
@@ -251,7 +251,8 @@ fn periodic_borders_are_no_borders_at_a_gate() {
         let mean = |summary: &Summary| number(&gate(summary, "recorded")["crossings"]["mean_normal_speed_m_s"]);
         // Two explicit integrators of free fall; LIGGGHTS' samples are joined by a cubic, of which a parabola is one.
         assert!((mean(&summary) - mean(&native)).abs() < 1e-9, "{} {}", mean(&summary), mean(&native));
-        // The belt carries them over its lower edge: they meet it where they do on the native solver.
+        // The belt carries most of them off: they meet it where they do on the native solver. Who stays is chance from the first contacts on;
+        // 9 is twice the scatter of the difference of two draws of 150 that go with 93 %, sqrt(2 150 0.93 0.07) = 4.4.
         let left = |summary: &Summary| {
             let rows = summary.list("/removed");
             rows.iter()
@@ -259,7 +260,7 @@ fn periodic_borders_are_no_borders_at_a_gate() {
                 .map(|row| row["count"].as_f64().unwrap())
                 .sum::<f64>()
         };
-        assert!((left(&summary) - left(&native)).abs() <= 8.0, "{} {}", left(&summary), left(&native));
+        assert!((left(&summary) - left(&native)).abs() <= 9.0, "{} {}", left(&summary), left(&native));
     }
     let arrivals = &gate(&native, "replayed")["arrivals"];
     assert_eq!((&arrivals["bit_equal"], &arrivals["each_once"]), (&json!(150), &json!(true)), "{arrivals:#}");

@@ -107,7 +107,7 @@ pub mod files {
     pub const DECK: &str = "in.liggghts";
     /// Meshes of the parts, `NAME.stl`.
     pub const MESHES: &str = "meshes";
-    /// What enters at each batch: `STEP.in`, which is included at every batch, and `STEP.data`, where something enters.
+    /// What enters at a batch: `STEP.in`, which is included there, and `STEP.data`; none where nothing enters, but for `0.in`.
     pub const BATCHES: &str = "batches";
     /// Time steps of the batches at which anything enters, in their folder.
     pub const ENTERING: &str = "entering";
