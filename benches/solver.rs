@@ -10,6 +10,7 @@ use tollgate::dem::simulation::{Setup, Simulation};
 use tollgate::geometry::motion::Motion;
 use tollgate::geometry::part::{Part, Surface, TriangleMesh, Trigger};
 use tollgate::material::{Elasticity, Material, MaterialTable, PairContact, PairProperties};
+use tollgate::math::lanes::SimdLevel;
 use tollgate::math::{Bounds, Vec3, vec3};
 use tollgate::particle::{Body, ParticleId, ParticleState};
 
@@ -89,6 +90,7 @@ fn simulation(particles: &[ParticleState], parts: Vec<Part>, size: Vec3, timeste
         energy: false,
         momentum: false,
         threads: 1,
+        simd: SimdLevel::best(),
     });
     simulation.insert(particles);
     simulation

@@ -16,9 +16,11 @@ mod streams;
 mod summary;
 
 use crate::backend::BackendError;
+use crate::backend::liggghts;
+use crate::backend::native::processor::Processor;
 use crate::backend::stage::Kick;
-use crate::backend::{liggghts, native};
 use crate::exit_code;
+use crate::math::lanes::SimdLevel;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
 use crate::plan::choose::{BackendVerdict, Capabilities, verdict};
@@ -44,6 +46,8 @@ pub struct RunRequest {
     pub out: Option<PathBuf>,
     /// Threads; `None` for one a processor core.
     pub threads: Option<usize>,
+    /// Instruction set of the native contact kernels; the fastest that is there where it is `None`.
+    pub simd: Option<SimdLevel>,
     /// Run although the plan refuses.
     pub force: bool,
     /// Continue an unfinished run.
@@ -151,7 +155,7 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
     let order = StageOrder {
         request,
         plan: &plan,
-        threads: request.threads.unwrap_or_else(native::default_threads),
+        processor: Processor::new(request.threads, request.simd),
         kick: kick_of(request, draw),
         warnings: [summary::warnings(&warnings, &plan), unlike_the_stages(&scene, &jobs, request)].concat(),
         interrupted,

@@ -7,6 +7,7 @@ use crate::gate::quality::{BackedUp, CrossingFigures, Quality};
 use crate::gate::record::RecordTally;
 use crate::gate::replay::ReplayTally;
 use crate::gate::stream::format::Manifest;
+use crate::math::lanes::SimdLevel;
 use crate::output::progress::Verbosity;
 use crate::output::timing::{ProcessUse, Timing};
 use crate::particle::{ParticleId, ParticleState};
@@ -57,6 +58,8 @@ pub struct Identity {
     pub version: String,
     /// Threads or ranks.
     pub threads: u64,
+    /// Instruction set of the contact kernels, where it is known.
+    pub simd: Option<SimdLevel>,
 }
 
 /// What came out of a stage.

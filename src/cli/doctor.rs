@@ -48,7 +48,7 @@ impl Findings {
         let suite = verify::suite();
         let case = suite.iter().find(|case| case.name == CASE).expect("the case is in the suite");
         let native = Native {
-            threads: native::default_threads(),
+            threads: native::processor::physical_cores(),
             instructions: instructions(),
             check: verify::run_case(case, &mut verify::Native),
         };

@@ -14,6 +14,7 @@ use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tollgate::exit_code;
+use tollgate::math::lanes::SimdLevel;
 use tollgate::scene::Finding;
 use tollgate::scene::diagnostics::render;
 
@@ -88,6 +89,17 @@ const MOST_THREADS: usize = 1024;
 fn threads(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| (1..=MOST_THREADS).contains(count));
     count.ok_or_else(|| format!("write a number of threads from 1 to {MOST_THREADS}"))
+}
+
+fn simd(text: &str) -> Result<SimdLevel, String> {
+    let named = SimdLevel::ALL.into_iter().find(|level| level.name() == text);
+    match named {
+        Some(level) if level.is_available() => Ok(level),
+        Some(_) => {
+            Err(format!("this processor has no {text}; the fastest that it has is {}", SimdLevel::best().name()))
+        }
+        None => Err(format!("write one of {}", SimdLevel::ALL.map(SimdLevel::name).join(", "))),
+    }
 }
 
 impl SceneArguments {

@@ -2,6 +2,7 @@
 
 use super::{SceneArguments, print};
 use tollgate::backend::{liggghts, native};
+use tollgate::math::lanes::SimdLevel;
 use tollgate::plan::{self, stages::SplitPlan};
 use tollgate::stage::split::stage_jobs;
 use tollgate::{exit_code, scene};
@@ -10,9 +11,12 @@ use tollgate::{exit_code, scene};
 pub struct Arguments {
     #[command(flatten)]
     pub scene: SceneArguments,
-    /// Threads that the run will have [default: one a processor core]
+    /// Threads that the run will have [default: one a physical core]
     #[arg(long, value_parser = super::threads)]
     pub threads: Option<usize>,
+    /// Instruction set that the run will have: scalar, baseline, avx2 or avx512 [default: the fastest there is]
+    #[arg(long, value_parser = super::simd)]
+    pub simd: Option<SimdLevel>,
     /// The plan as JSON on stdout
     #[arg(long)]
     pub json: bool,
@@ -26,9 +30,9 @@ pub fn run(arguments: &Arguments) -> u8 {
             return exit_code::USAGE;
         }
     };
-    let threads = arguments.threads.unwrap_or_else(native::default_threads);
+    let processor = native::processor::Processor::new(arguments.threads, arguments.simd);
     let first = plan::plan(&scene, None);
-    let calibration = native::calibrate::calibrate(&scene, &first, threads);
+    let calibration = native::calibrate::calibrate(&scene, &first, processor);
     let (json, text, is_refused) = if scene.stages.is_empty() {
         let mut plan = plan::plan(&scene, calibration);
         plan.backends.push(liggghts::verdict(&scene, &[], &[]));

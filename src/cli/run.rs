@@ -4,6 +4,7 @@ use super::{SceneArguments, print};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tollgate::exit_code;
+use tollgate::math::lanes::SimdLevel;
 use tollgate::output::progress::Verbosity;
 use tollgate::output::summary::Summary;
 use tollgate::run::gates;
@@ -16,9 +17,13 @@ pub struct Arguments {
     /// Folder for the results, never overwritten [default: runs/<scene>]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Threads; they change no bit of the result [default: one a processor core]
+    /// Threads; they change no bit of the result [default: one a physical core]
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
+    /// Instruction set of the contact kernels: scalar, baseline, avx2 or avx512; it changes no bit of the result [default: the
+    /// fastest there is]
+    #[arg(long, value_parser = super::simd)]
+    simd: Option<SimdLevel>,
     /// Start from another run's checkpoint, with its contacts
     #[arg(long, value_name = "CHECKPOINT")]
     from: Option<PathBuf>,
@@ -100,6 +105,7 @@ fn request(arguments: &Arguments) -> RunRequest {
         settings,
         out: arguments.out.clone(),
         threads: arguments.threads,
+        simd: arguments.simd,
         force: arguments.force,
         resume: arguments.resume,
         whole: arguments.whole,
@@ -127,6 +133,7 @@ fn dry_run(arguments: &Arguments) -> u8 {
             ..arguments.scene.clone()
         },
         threads: arguments.threads,
+        simd: arguments.simd,
         json: arguments.json,
     })
 }

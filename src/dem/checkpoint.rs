@@ -125,11 +125,8 @@ impl SimulationRecord {
         Ok(Particles {
             spheres: spheres.iter().map(|r| Sphere { centre: [r[0], r[1], r[2]], radius: r[3] }).collect(),
             velocities: velocities.collect(),
-            accelerations: accelerations
-                .iter()
-                .map(|row| Acceleration { linear: two(row).0, angular: two(row).1 })
-                .collect(),
-            loads: loads.iter().map(|row| Load { force: two(row).0, torque: two(row).1 }).collect(),
+            accelerations: accelerations.iter().map(|row| Acceleration::new(two(row).0, two(row).1)).collect(),
+            loads: loads.iter().map(|row| Load::new(two(row).0, two(row).1)).collect(),
             ids: ids.iter().map(|&id| ParticleId(id)).collect(),
             densities: self.rows::<1>("density", Some(count))?.iter().map(|row| row[0]).collect(),
         })
@@ -177,7 +174,7 @@ fn memory(row: &[f64; 6]) -> Memory {
     Memory { tangential: Vec3::new(row[0], row[1], row[2]), rolling: Vec3::new(row[3], row[4], row[5]) }
 }
 
-fn memory_row(memory: &Memory) -> impl Iterator<Item = f64> {
+fn memory_row(memory: Memory) -> impl Iterator<Item = f64> {
     memory.tangential.iter().chain(memory.rolling.iter()).copied().collect::<Vec<f64>>().into_iter()
 }
 
@@ -196,7 +193,8 @@ impl Simulation {
         let pair = |[a, b]: [&Vec3; 2]| [a.x, a.y, a.z, b.x, b.y, b.z];
         let neighborhood = &self.neighborhood;
         let walls = || neighborhood.chunks.iter().flat_map(|chunk| &chunk.wall_contacts);
-        let pairs = neighborhood.chunks.iter().flat_map(|chunk| chunk.own.memory.iter().chain(&chunk.cross.memory));
+        let lists = neighborhood.chunks.iter().flat_map(|chunk| [&chunk.own, &chunk.cross]);
+        let pairs = lists.flat_map(|list| (0..list.len()).filter_map(|entry| list.memory.get(entry)));
         let velocity = |v: &Velocity| {
             [v.linear[0], v.linear[1], v.linear[2], v.inverse_mass, v.angular[0], v.angular[1], v.angular[2]]
         };
@@ -209,7 +207,7 @@ impl Simulation {
             neighborhood.outer_reference.iter().flatten().copied().collect(),
             neighborhood.inner_reference.iter().flatten().copied().collect(),
             pairs.flat_map(memory_row).collect(),
-            walls().flat_map(|c| c.normal.iter().copied().chain(memory_row(&c.memory)).collect::<Vec<_>>()).collect(),
+            walls().flat_map(|c| c.normal.iter().copied().chain(memory_row(c.memory)).collect::<Vec<_>>()).collect(),
             self.tethers.iter().flat_map(tether_row).collect(),
         ];
         let keys = walls().flat_map(|c| [u64::from(c.particle), u64::from(c.part), u64::from(c.element)]);

@@ -3,136 +3,209 @@
 use super::energy::Tally;
 use super::law::constants::PairConstants;
 use super::law::rolling::{RollingMotion, rolling_torque};
-use super::law::tangential::{tangential_energy, tangential_force};
-use super::law::{Compatibility, LawSettings, NormalForce, NormalMotion, TangentialLaw};
+use super::law::tangential::{TangentialMotion, tangential_energy, tangential_force};
+use super::law::{Compatibility, ContactStiffness, LawSettings, NormalContact, TangentialLaw};
 use super::neighbor::list::Memory;
-use crate::math::Vec3;
+use crate::math::lanes::{LaneVector, Lanes};
 
 /// Relative motion of body i and body j (a particle or a part) in contact.
 #[derive(Debug, Clone, Copy)]
-pub struct Touch {
+pub struct Touch<L = f64> {
     /// Unit normal from i to j.
-    pub normal: Vec3,
+    pub normal: LaneVector<L>,
     /// Overlap [m].
-    pub overlap: f64,
+    pub overlap: L,
     /// v_i - v_j of the centres, or of centre and surface [m/s].
-    pub velocity: Vec3,
+    pub velocity: LaneVector<L>,
     /// a_i omega_i + a_j omega_j with the lever arms a [m/s].
-    pub lever_spin: Vec3,
+    pub lever_spin: LaneVector<L>,
     /// omega_i - omega_j [rad/s].
-    pub relative_spin: Vec3,
+    pub relative_spin: LaneVector<L>,
     /// R* [m].
-    pub effective_radius: f64,
+    pub effective_radius: L,
     /// m* [kg].
-    pub effective_mass: f64,
+    pub effective_mass: L,
     /// 1/I_i + 1/I_j [1/(kg m2)].
-    pub inverse_inertia: f64,
+    pub inverse_inertia: L,
     /// Closing speed less its mean over the time step [m/s]; known where losses are accounted for.
-    pub closing_lag: f64,
+    pub closing_lag: L,
+}
+
+/// The springs that a contact remembers.
+#[derive(Debug, Clone, Copy)]
+pub struct Springs<L = f64> {
+    /// Tangential, see [`super::law::tangential`].
+    pub tangential: LaneVector<L>,
+    /// Rolling [N m].
+    pub rolling: LaneVector<L>,
 }
 
 /// What the contact does to body i; j gets the opposite force and rolling torque.
 #[derive(Debug, Clone, Copy)]
-pub struct Answer {
+pub struct Answer<L = f64> {
     /// Force on i [N].
-    pub force: Vec3,
+    pub force: LaneVector<L>,
     /// n x F_t [N]: times its lever arm, the torque on either body.
-    pub twist: Vec3,
+    pub twist: LaneVector<L>,
     /// Rolling torque on i [N m].
-    pub rolling: Vec3,
-    /// The normal law's answer.
-    pub normal: NormalForce,
+    pub rolling: LaneVector<L>,
+    /// Repulsion along the normal [N].
+    pub repulsion: L,
+    /// What it took in the time step; zero where losses are not accounted for.
+    pub lost: Lost<L>,
 }
 
-impl Touch {
-    /// Tangential velocity at the contact point [m/s] and closing speed [m/s].
+/// Energies that a contact took in a time step [J], entries of [`super::energy::EnergyBudget`].
+#[derive(Debug, Clone, Copy)]
+pub struct Lost<L = f64> {
+    /// In sliding.
+    pub slip: L,
+    /// In dashpots.
+    pub dashpot: L,
+    /// By rolling resistance.
+    pub rolling: L,
+    /// Made by the law itself.
+    pub law_residual: L,
+}
+
+impl<L: Lanes> Springs<L> {
+    /// No memory: not in contact.
     #[inline(always)]
-    fn split_velocity(&self) -> (Vec3, f64) {
-        let closing = self.velocity.dot(&self.normal);
-        (self.velocity - self.normal * closing + self.lever_spin.cross(&self.normal), closing)
+    pub fn none() -> Self {
+        Self { tangential: LaneVector::zeros(), rolling: LaneVector::zeros() }
     }
 }
 
-/// Evaluates the laws on a contact. `share` is the part of its losses that this call books (a pair computed by two chunks books
-/// one half in each).
-#[inline(always)]
-pub fn answer<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
-    law: &LawSettings,
-    pair: &PairConstants,
-    touch: &Touch,
-    timestep: f64,
-    memory: &mut Memory,
-    tally: &mut Tally,
-    share: f64,
-) -> Answer {
-    let closing_speed = touch.velocity.dot(&touch.normal);
-    let motion = NormalMotion {
-        overlap: touch.overlap,
-        closing_speed,
-        effective_radius: touch.effective_radius,
-        effective_mass: touch.effective_mass,
-    };
-    let mut normal = law.normal_force(pair, &motion);
-    if ENERGY {
-        normal.stiffness_growth -= normal.growth_by_overlap * touch.closing_lag;
+impl From<&Memory> for Springs {
+    #[inline(always)]
+    fn from(memory: &Memory) -> Self {
+        Self { tangential: memory.tangential.into(), rolling: memory.rolling.into() }
     }
-    let mut result =
-        Answer { force: touch.normal * -normal.total, twist: Vec3::zeros(), rolling: Vec3::zeros(), normal };
-    if ENERGY {
-        tally.dashpot += share * (normal.total - normal.elastic) * closing_speed * timestep;
+}
+
+impl From<Springs> for Memory {
+    #[inline(always)]
+    fn from(springs: Springs) -> Self {
+        Self { tangential: springs.tangential.into(), rolling: springs.rolling.into() }
     }
-    if FRICTION {
-        let (slip_velocity, _) = touch.split_velocity();
-        let tangential = tangential_force::<ENERGY>(
-            law,
-            &normal,
-            pair.sliding_friction,
-            &touch.normal,
-            &slip_velocity,
-            timestep,
-            &mut memory.tangential,
-        );
-        result.force += tangential.force;
-        result.twist = touch.normal.cross(&tangential.force);
-        if ENERGY {
-            tally.slip += share * tangential.slip;
-            tally.dashpot += share * tangential.dashpot;
-            tally.law_residual += share * tangential.residual;
+}
+
+impl<L: Lanes> Lost<L> {
+    #[inline(always)]
+    fn nothing() -> Self {
+        Self { slip: L::zero(), dashpot: L::zero(), rolling: L::zero(), law_residual: L::zero() }
+    }
+
+    /// Books the losses of the first `count` lanes that `concerned` picks, in their order. `share` is the part that is booked here
+    /// (a pair computed by two chunks books one half in each).
+    #[inline(always)]
+    pub fn book(&self, share: f64, concerned: u16, tally: &mut Tally) {
+        let [slip, dashpot, rolling, residual] =
+            [self.slip, self.dashpot, self.rolling, self.law_residual].map(L::to_array);
+        for lane in (0..L::COUNT).filter(|lane| concerned >> lane & 1 == 1) {
+            tally.slip += share * slip[lane];
+            tally.dashpot += share * dashpot[lane];
+            tally.rolling += share * rolling[lane];
+            tally.law_residual += share * residual[lane];
         }
     }
+}
+
+impl<L: Lanes> Touch<L> {
+    /// Tangential velocity at the contact point [m/s] and closing speed [m/s].
+    #[inline(always)]
+    fn split_velocity(&self) -> (LaneVector<L>, L) {
+        let closing = self.velocity.dot(&self.normal);
+        (self.lever_spin.cross(&self.normal) + self.velocity.plus(&self.normal, -closing), closing)
+    }
+
+    /// What the normal laws look at.
+    #[inline(always)]
+    pub fn normal_contact(&self) -> NormalContact<L> {
+        NormalContact {
+            overlap: self.overlap,
+            effective_radius: self.effective_radius,
+            effective_mass: self.effective_mass,
+        }
+    }
+}
+
+/// Evaluates the laws on contacts, one a lane. Lanes without overlap give anything.
+#[inline(always)]
+pub fn answer<L: Lanes, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
+    law: &LawSettings,
+    pair: &PairConstants<L>,
+    stiffness: &ContactStiffness<L>,
+    touch: &Touch<L>,
+    timestep: f64,
+    memory: &mut Springs<L>,
+) -> Answer<L> {
+    let (slip_velocity, closing_speed) = touch.split_velocity();
+    let repulsion = law.repulsion(stiffness, closing_speed);
+    let mut lost = Lost::nothing();
+    if ENERGY {
+        lost.dashpot = (repulsion - stiffness.elastic) * closing_speed * L::splat(timestep);
+    }
+    let (mut force, mut twist, mut rolling) = (LaneVector::zeros(), LaneVector::zeros(), LaneVector::zeros());
+    if FRICTION {
+        let motion = TangentialMotion {
+            slip_velocity,
+            stiffness_growth: stiffness.growth_by_overlap * (closing_speed - touch.closing_lag),
+        };
+        let (friction, history) = (pair.sliding_friction, &mut memory.tangential);
+        let tangential = tangential_force::<L, ENERGY>(
+            law,
+            stiffness,
+            friction,
+            repulsion,
+            &touch.normal,
+            &motion,
+            timestep,
+            history,
+        );
+        force = tangential.force;
+        twist = touch.normal.cross(&tangential.force);
+        if ENERGY {
+            lost.slip = tangential.slip;
+            lost.dashpot = lost.dashpot + tangential.dashpot;
+            lost.law_residual = tangential.residual;
+        }
+    }
+    force = force.plus(&touch.normal, -repulsion);
     if ROLLING {
         let motion = RollingMotion {
             relative_spin: touch.relative_spin,
             effective_radius: touch.effective_radius,
             inverse_inertia: touch.inverse_inertia,
         };
-        result.rolling =
-            rolling_torque(law, &normal, pair.rolling_friction, &touch.normal, &motion, timestep, &mut memory.rolling);
+        let (friction, history) = (pair.rolling_friction, &mut memory.rolling);
+        rolling = rolling_torque(law, stiffness, repulsion, friction, &touch.normal, &motion, timestep, history);
         if ENERGY {
-            tally.rolling -= share * result.rolling.dot(&touch.relative_spin) * timestep;
+            lost.rolling = -(rolling.dot(&touch.relative_spin) * L::splat(timestep));
         }
     }
-    result
+    Answer { force, twist, rolling, repulsion, lost }
 }
 
 /// The memory at the present full step: what is kept runs half a time step ahead in our convention.
 #[must_use]
-pub fn present_memory(law: &LawSettings, pair: &PairConstants, touch: &Touch, timestep: f64, kept: &Memory) -> Memory {
+pub fn present_memory(
+    law: &LawSettings,
+    stiffness: &ContactStiffness,
+    touch: &Touch,
+    timestep: f64,
+    kept: &Memory,
+) -> Springs {
+    let kept = Springs::from(kept);
     if law.compatibility == Compatibility::Liggghts {
-        return *kept;
+        return kept;
     }
-    let (slip_velocity, closing_speed) = touch.split_velocity();
-    let motion = NormalMotion {
-        overlap: touch.overlap,
-        closing_speed,
-        effective_radius: touch.effective_radius,
-        effective_mass: touch.effective_mass,
-    };
-    let stiffness = law.normal_force(pair, &motion).tangential_stiffness;
-    let gain = if law.tangential == TangentialLaw::Total { 1.0 } else { stiffness };
+    let (slip_velocity, _) = touch.split_velocity();
+    let tangential = stiffness.tangential_stiffness;
+    let gain = if law.tangential == TangentialLaw::Total { 1.0 } else { tangential };
     let roll = touch.relative_spin - touch.normal * touch.relative_spin.dot(&touch.normal);
-    let rolling_gain = stiffness * touch.effective_radius * touch.effective_radius;
-    Memory {
+    let rolling_gain = tangential * touch.effective_radius * touch.effective_radius;
+    Springs {
         tangential: kept.tangential - slip_velocity * (0.5 * timestep * gain),
         rolling: kept.rolling - roll * (0.5 * timestep * rolling_gain),
     }
@@ -140,6 +213,6 @@ pub fn present_memory(law: &LawSettings, pair: &PairConstants, touch: &Touch, ti
 
 /// Elastic energy of a contact [J], `memory` as [`present_memory`] gives it.
 #[must_use]
-pub fn elastic_energy(law: &LawSettings, normal: &NormalForce, memory: &Memory) -> f64 {
-    normal.elastic_energy + tangential_energy(law, normal.tangential_stiffness, &memory.tangential)
+pub fn elastic_energy(law: &LawSettings, stiffness: &ContactStiffness, memory: &Springs) -> f64 {
+    stiffness.elastic_energy + tangential_energy(law, stiffness.tangential_stiffness, &memory.tangential)
 }

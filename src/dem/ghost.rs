@@ -1,8 +1,8 @@
 //! Prescribed particles: they act on others with their true mass in the pair law and are not acted upon.
 
+use super::integrate::acceleration;
 use super::particles::{Acceleration, Path};
 use super::simulation::Simulation;
-use super::step::acceleration;
 use crate::math::Vec3;
 use crate::particle::{ParticleId, ParticleState};
 
@@ -58,10 +58,8 @@ impl Simulation {
             self.particles.push(&ParticleState { position, velocity, spin, ..*state }, body);
             let last = self.particles.len() - 1;
             self.particles.velocities[last].path = *path;
-            self.particles.accelerations[last] = Acceleration {
-                linear: body.in_plane(&motion.acceleration),
-                angular: body.about_plane(&motion.spin_acceleration),
-            };
+            self.particles.accelerations[last] =
+                Acceleration::new(body.in_plane(&motion.acceleration), body.about_plane(&motion.spin_acceleration));
             self.update_acceleration(last);
         }
         self.momentum.regrouped = true;
@@ -98,6 +96,7 @@ impl Simulation {
             }
             tether_cut |= before == Path::Tethered;
             self.particles.velocities[index].path = path;
+            self.neighborhood.note_prescribed(index);
             self.update_acceleration(index);
         }
         if tether_cut {
@@ -186,10 +185,8 @@ impl Simulation {
         let (linear, angular) = (body.in_plane(&motion.velocity), body.about_plane(&motion.spin));
         let late = (linear - Vec3::from(velocity.linear), angular - Vec3::from(velocity.angular));
         (velocity.linear, velocity.angular) = (linear.into(), angular.into());
-        self.particles.accelerations[index] = Acceleration {
-            linear: body.in_plane(&motion.acceleration),
-            angular: body.about_plane(&motion.spin_acceleration),
-        };
+        self.particles.accelerations[index] =
+            Acceleration::new(body.in_plane(&motion.acceleration), body.about_plane(&motion.spin_acceleration));
         let load = &self.particles.loads[index];
         let work = (load.force.dot(&late.0) + load.torque.dot(&late.1)) * dt;
         self.booked.prescribed_work -= work;

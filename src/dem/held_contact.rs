@@ -3,8 +3,8 @@
 use super::inspect::Partner;
 use super::neighbor::list::{Candidate, Images, Memory};
 use super::neighborhood::Chunk;
-use super::pair_contacts::{SeenContact, look};
 use super::particles::Path;
+use super::seen::{SeenContact, look};
 use super::simulation::Simulation;
 use crate::math::Vec3;
 use crate::particle::ParticleId;
@@ -51,14 +51,14 @@ pub struct GhostContact {
 
 impl HeldContact {
     fn new(partner: Partner, point: Vec3, seen: &SeenContact) -> Self {
-        let normal_force = seen.touch.normal * -seen.answer.normal.total;
+        let normal_force = seen.normal * -seen.normal_force;
         Self {
             partner,
             point,
-            normal: seen.touch.normal,
-            overlap: seen.touch.overlap,
+            normal: seen.normal,
+            overlap: seen.overlap,
             normal_force,
-            tangential_force: seen.answer.force - normal_force,
+            tangential_force: seen.force - normal_force,
             memory: seen.kept,
         }
     }
@@ -109,12 +109,12 @@ impl Simulation {
             contacts.push(GhostContact {
                 ghost: self.particles.ids[index],
                 resident,
-                overlap_ratio: seen.touch.overlap / radius(index).min(radius(other)),
+                overlap_ratio: seen.overlap / radius(index).min(radius(other)),
                 smaller_radius: radius(index).min(radius(other)),
                 point,
                 ghost_velocity: Vec3::from(velocities[index].linear),
                 resident_velocity: Vec3::from(velocities[other].linear),
-                normal_force: seen.touch.normal * seen.answer.normal.total,
+                normal_force: seen.normal * seen.normal_force,
             });
         });
         contacts.sort_by_key(|contact| (contact.ghost, contact.resident));
@@ -144,25 +144,21 @@ impl Simulation {
                 return;
             }
             if let Some(seen) = look(&scene, index, candidate, Some(&kept)) {
-                let point = scene.spheres[index].position() + seen.touch.normal * seen.lever;
+                let point = scene.spheres[index].position() + seen.normal * seen.lever;
                 visit(index, (Partner::Particle(self.particles.ids[other]), Some(other)), point, &seen);
             }
         };
         let concerned = |chunk: &&Chunk| marked[chunk.range.clone()].contains(&true);
         for chunk in self.neighborhood.chunks.iter().filter(concerned) {
             for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
-                for row in 0..chunk.range.len() {
-                    let index = chunk.range.start + row;
-                    for entry in list.row(row) {
-                        let candidate = list.candidates[entry];
-                        let kept = || list.memory.get(entry).copied().unwrap_or(Memory::NONE);
-                        if marked[index] {
-                            see(index, candidate, kept());
-                        }
-                        if both && marked[candidate.partner as usize] {
-                            let back = Candidate { partner: index as u32, image: Images::opposite(candidate.image) };
-                            see(candidate.partner as usize, back, kept().mirrored());
-                        }
+                for (entry, owner, candidate) in list.pairs() {
+                    let kept = || list.memory.get(entry).unwrap_or(Memory::NONE);
+                    if marked[owner as usize] {
+                        see(owner as usize, candidate, kept());
+                    }
+                    if both && marked[candidate.partner as usize] {
+                        let back = Candidate { partner: owner, image: Images::opposite(candidate.image) };
+                        see(candidate.partner as usize, back, kept().mirrored());
                     }
                 }
             }

@@ -1,7 +1,8 @@
 //! Looking at a simulation without changing it.
 
 use super::energy::EnergyBudget;
-use super::pair_contacts::{ContactScene, SeenContact, look};
+use super::meeting::ContactScene;
+use super::seen::{SeenContact, look, overlap_ratio};
 use super::simulation::Simulation;
 use super::wall_contacts::{WallContact, look_at_walls};
 use crate::math::Vec3;
@@ -36,6 +37,24 @@ pub struct ContactRecord {
     pub overlap: f64,
     /// Force on i [N].
     pub force: Vec3,
+}
+
+/// How many contacts there are, and how deep.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ContactSurvey {
+    /// Number.
+    pub count: u64,
+    /// Largest overlap over the smaller radius [-].
+    pub largest_overlap_ratio: f64,
+}
+
+impl ContactSurvey {
+    fn add(&mut self, overlap_ratio: Option<f64>) {
+        if let Some(ratio) = overlap_ratio {
+            self.count += 1;
+            self.largest_overlap_ratio = self.largest_overlap_ratio.max(ratio);
+        }
+    }
 }
 
 impl Simulation {
@@ -110,21 +129,18 @@ impl Simulation {
         let scene = self.contact_scene();
         for chunk in &self.neighborhood.chunks {
             for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
-                for row in 0..chunk.range.len() {
-                    let index = chunk.range.start + row;
-                    for entry in list.row(row) {
-                        let candidate = list.candidates[entry];
-                        // A pair of two chunks stands in both: seen from its lower index.
-                        let other = candidate.partner as usize;
-                        let prescribed = |particle: usize| scene.velocities[particle].path.is_prescribed();
-                        if (!both && other < index) || (prescribed(index) && prescribed(other)) {
-                            continue;
-                        }
-                        if let Some(seen) = look(&scene, index, candidate, list.memory.get(entry)) {
-                            let partner = Partner::Particle(self.particles.ids[candidate.partner as usize]);
-                            let point = scene.spheres[index].position() + seen.touch.normal * seen.lever;
-                            visit(index, partner, point, &seen);
-                        }
+                for (entry, owner, candidate) in list.pairs() {
+                    let index = owner as usize;
+                    // A pair of two chunks stands in both: seen from its lower index.
+                    let other = candidate.partner as usize;
+                    let prescribed = |particle: usize| scene.velocities[particle].path.is_prescribed();
+                    if (!both && other < index) || (prescribed(index) && prescribed(other)) {
+                        continue;
+                    }
+                    if let Some(seen) = look(&scene, index, candidate, list.memory.get(entry).as_ref()) {
+                        let partner = Partner::Particle(self.particles.ids[other]);
+                        let point = scene.spheres[index].position() + seen.normal * seen.lever;
+                        visit(index, partner, point, &seen);
                     }
                 }
             }
@@ -164,18 +180,49 @@ impl Simulation {
                 i,
                 j,
                 point,
-                normal: seen.touch.normal * sign,
-                overlap: seen.touch.overlap,
-                force: seen.answer.force * sign,
+                normal: seen.normal * sign,
+                overlap: seen.overlap,
+                force: seen.force * sign,
             });
         });
         records.sort_by_key(|record| (record.i, record.j));
         records
     }
 
+    /// Number and depth of all contacts at the present time, without their forces.
+    #[must_use]
+    pub fn contact_survey(&self) -> ContactSurvey {
+        let (scene, mut survey) = (self.contact_scene(), ContactSurvey::default());
+        let mut points = Vec::new();
+        for chunk in &self.neighborhood.chunks {
+            for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
+                // A pair of two chunks stands in both: counted at its lower index.
+                for (_, owner, candidate) in list.pairs().filter(|(_, owner, other)| both || other.partner > *owner) {
+                    survey.add(overlap_ratio(&scene, owner as usize, candidate));
+                }
+            }
+            for (index, near) in chunk.near_walls.rows() {
+                if !scene.velocities[index].path.is_prescribed() {
+                    let sphere = &scene.spheres[index];
+                    self.walls.contacts(near, &sphere.position(), sphere.radius, &mut points);
+                    points.iter().for_each(|point| survey.add(Some(point.overlap / sphere.radius)));
+                }
+            }
+        }
+        survey
+    }
+
     /// The energy budget at the present time. Losses are in it where they are accounted for.
     #[must_use]
     pub fn energy(&self) -> EnergyBudget {
+        let mut budget = self.energy_without_springs();
+        self.for_each_contact(|_, _, _, seen| budget.elastic += seen.elastic_energy);
+        budget
+    }
+
+    /// The energy budget less what the springs of contacts hold, which is what takes its time.
+    #[must_use]
+    pub fn energy_without_springs(&self) -> EnergyBudget {
         let mut budget = self.booked;
         let factor = self.setup.body.inertia_factor();
         for index in 0..self.particles.len() {
@@ -189,7 +236,6 @@ impl Simulation {
             budget.rotational += 0.5 * inertia * Vec3::from(velocity.angular).norm_squared();
             budget.gravitational -= mass * self.setup.gravity.dot(&sphere.position());
         }
-        self.for_each_contact(|_, _, _, seen| budget.elastic += seen.elastic_energy);
         budget
     }
 

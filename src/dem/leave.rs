@@ -9,6 +9,9 @@ use std::collections::HashSet;
 impl Simulation {
     /// Removes the particles whose centre has left the domain.
     pub(super) fn remove_leavers(&mut self) {
+        if !self.has_leavers {
+            return;
+        }
         let leavers: Vec<(usize, RemovalCause)> =
             (0..self.particles.len()).filter_map(|index| Some((index, self.border_crossed(index)?))).collect();
         if !leavers.is_empty() {

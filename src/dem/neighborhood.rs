@@ -4,9 +4,9 @@ use super::energy::Tally;
 use super::neighbor::cells::CellLevels;
 use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
-use super::neighbor::list::{Images, InnerList, Memory};
+use super::neighbor::list::{Bodies, Images, InnerList, Memory, Remembered};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
-use super::particles::{Particles, Sphere};
+use super::particles::{Particles, Sphere, Velocity};
 use super::simulation::Simulation;
 use super::wall::Candidate;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
@@ -26,12 +26,16 @@ pub struct Chunk {
     pub own: InnerList,
     /// Pairs with other chunks that the kernel walks.
     pub cross: InnerList,
+    /// Whether some of its particles may be prescribed.
+    pub has_prescribed: bool,
     /// Elements of parts near its particles.
     pub near_walls: WallCandidates,
     /// Contacts with parts.
     pub wall_contacts: Vec<WallContact>,
     /// Scratch lists.
     pub scratch: Scratch,
+    /// Storage of an inner list that is not used any more.
+    worn: InnerList,
     /// What its contacts took in this time step.
     pub tally: Tally,
     /// Force of the normal springs on each of its particles [N]; empty where losses are not accounted for.
@@ -51,6 +55,14 @@ pub struct ListSettings {
     pub periodic: [bool; 3],
     /// Whether contacts have a memory.
     pub remembers: bool,
+    /// Whether they remember rolling too.
+    pub remembers_rolling: bool,
+}
+
+impl ListSettings {
+    const fn remembered(&self) -> Remembered {
+        Remembered { tangential: self.remembers, rolling: self.remembers_rolling }
+    }
 }
 
 /// Chunks, cells, and how far the particles have moved since they were made.
@@ -154,6 +166,7 @@ impl Neighborhood {
     fn make_lists(
         &mut self,
         spheres: &[Sphere],
+        velocities: &[Velocity],
         old_index: &[u32],
         held: &HeldMemory,
         threads: &super::threads::Threads,
@@ -161,54 +174,66 @@ impl Neighborhood {
         self.cells = CellLevels::new(spheres, self.settings.skin, &self.settings.domain, self.settings.periodic);
         let ranges = chunk_ranges(spheres.len());
         let found = find_candidates(spheres, &self.cells, &ranges, self.settings.skin, threads);
-        self.chunks = ranges
-            .into_iter()
-            .zip(found)
-            .map(|(range, candidates)| Chunk { range, candidates, ..Chunk::default() })
-            .collect();
+        let is_prescribed = |velocity: &Velocity| velocity.path.is_prescribed();
+        let chunk = |(range, candidates): (Range<usize>, ChunkCandidates)| {
+            let has_prescribed = velocities[range.clone()].iter().any(is_prescribed);
+            Chunk { range, candidates, has_prescribed, ..Chunk::default() }
+        };
+        self.chunks = ranges.into_iter().zip(found).map(chunk).collect();
         self.outer_reference = spheres.iter().map(|sphere| sphere.centre).collect();
         self.smallest_radius = spheres.iter().map(|sphere| sphere.radius).fold(f64::INFINITY, f64::min);
         self.moved_since_outer = 0.0;
         self.generation += 1;
-        self.prune_with(spheres, threads, |chunk, row, candidate| {
-            held.of(old_index[chunk.range.start + row], old_index[candidate.partner as usize])
+        self.prune_with(spheres, velocities, threads, |_, owner, candidate| {
+            held.of(old_index[owner as usize], old_index[candidate.partner as usize])
         });
     }
 
+    /// Makes the inner lists from the outer ones, each pair with the memory that `recall(place, owner, candidate)` gives.
     fn prune_with(
         &mut self,
         spheres: &[Sphere],
+        velocities: &[Velocity],
         threads: &super::threads::Threads,
-        recall: impl Fn(&Chunk, usize, super::neighbor::list::Candidate) -> Memory + Sync,
+        recall: impl Fn(u32, u32, super::neighbor::list::Candidate) -> Memory + Sync,
     ) {
-        let (skin, remembers, images) = (self.inner_skin, self.settings.remembers, &self.images);
+        let (skin, remembered) = (self.inner_skin, self.settings.remembered());
+        let bodies = Bodies { spheres, velocities, images: &self.images };
         let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
         threads.for_each(chunks, |chunk| {
-            let ask = |row, candidate| remembers.then(|| recall(chunk, row, candidate));
-            let own = chunk.candidates.own.pruned(spheres, images, chunk.range.start, skin, ask);
-            let cross = chunk.candidates.cross.pruned(spheres, images, chunk.range.start, skin, ask);
-            (chunk.own, chunk.cross) = (own, cross);
+            let Chunk { candidates, own, cross, .. } = chunk;
+            for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
+                *inner = outer.pruned(bodies, skin, remembered, &recall, std::mem::take(inner));
+            }
         });
         self.inner_reference = spheres.iter().map(|sphere| sphere.centre).collect();
         self.moved_since_inner = 0.0;
     }
 
-    fn prune(&mut self, spheres: &[Sphere], threads: &super::threads::Threads) {
-        let (skin, remembers, images) = (self.inner_skin, self.settings.remembers, &self.images);
+    /// Makes the inner lists from the outer ones anew, memories kept.
+    fn prune(&mut self, spheres: &[Sphere], velocities: &[Velocity], threads: &super::threads::Threads) {
+        let (skin, remembered) = (self.inner_skin, self.settings.remembered());
+        let bodies = Bodies { spheres, velocities, images: &self.images };
         let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
         threads.for_each(chunks, |chunk| {
-            let first = chunk.range.start;
-            let own = chunk.candidates.own.pruned(spheres, images, first, skin, chunk.own.recall_in_order(remembers));
-            let cross =
-                chunk.candidates.cross.pruned(spheres, images, first, skin, chunk.cross.recall_in_order(remembers));
-            (chunk.own, chunk.cross) = (own, cross);
+            let Chunk { candidates, own, cross, worn, .. } = chunk;
+            for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
+                let next = outer.pruned(bodies, skin, remembered, inner.recall_in_order(), std::mem::take(worn));
+                *worn = std::mem::replace(inner, next);
+            }
         });
         self.inner_reference = spheres.iter().map(|sphere| sphere.centre).collect();
         self.moved_since_inner = 0.0;
+    }
+
+    /// Says that the particle stored at `index` has become prescribed.
+    pub(super) fn note_prescribed(&mut self, index: usize) {
+        let number = self.chunk_of(index);
+        self.chunks[number].has_prescribed = true;
     }
 
     fn gather_memory(&self, count: usize) -> HeldMemory {
-        HeldMemory::gather(count, self.chunks.iter().map(|chunk| (&chunk.range, &chunk.own, &chunk.cross)))
+        HeldMemory::gather(count, self.chunks.iter().map(|chunk| (&chunk.own, &chunk.cross)))
     }
 
     /// Drops the contacts with parts that `gone` picks, with their memory.
@@ -230,13 +255,11 @@ impl Neighborhood {
         for (from, to, memory) in [(index, other, *memory), (other, index, memory.mirrored())] {
             let number = self.chunk_of(from);
             let chunk = &mut self.chunks[number];
-            let row = from - chunk.range.start;
             for list in [&mut chunk.own, &mut chunk.cross] {
-                for entry in list.row(row).filter(|&entry| list.candidates[entry].partner as usize == to) {
+                let is_it = |&entry: &usize| (list.owners[entry], list.partners[entry]) == (from as u32, to as u32);
+                for entry in (0..list.len()).filter(is_it).collect::<Vec<usize>>() {
                     found = true;
-                    if let Some(slot) = list.memory.get_mut(entry) {
-                        *slot = memory;
-                    }
+                    list.memory.set(entry, &memory);
                 }
             }
         }
@@ -277,8 +300,11 @@ impl Neighborhood {
     /// Gives every pair of the inner lists its memory, in the lists' order. A scene without friction takes none.
     pub(super) fn set_pair_memory(&mut self, memories: &mut dyn Iterator<Item = Memory>) -> Result<(), String> {
         let lists = self.chunks.iter_mut().flat_map(|chunk| [&mut chunk.own, &mut chunk.cross]);
-        for slot in lists.flat_map(|list| &mut list.memory) {
-            *slot = memories.next().ok_or("column 'pair_memory' is too short for the pairs")?;
+        for list in lists.filter(|_| self.settings.remembers) {
+            for entry in 0..list.len() {
+                let memory = memories.next().ok_or("column 'pair_memory' is too short for the pairs")?;
+                list.memory.set(entry, &memory);
+            }
         }
         if self.settings.remembers && memories.next().is_some() {
             return Err("column 'pair_memory' is too long for the pairs".to_owned());
@@ -300,8 +326,9 @@ impl Neighborhood {
             particles.spheres.iter().zip(centres).map(|(s, c)| Sphere { centre: *c, radius: s.radius }).collect()
         };
         let order: Vec<u32> = (0..particles.len() as u32).collect();
-        self.make_lists(&placed(&outer_reference), &order, &HeldMemory::default(), threads);
-        self.prune_with(&placed(&inner_reference), threads, |_, _, _| Memory::NONE);
+        let velocities = &particles.velocities;
+        self.make_lists(&placed(&outer_reference), velocities, &order, &HeldMemory::default(), threads);
+        self.prune_with(&placed(&inner_reference), velocities, threads, |_, _, _| Memory::NONE);
         // Nobody has collected the elements of parts for these lists yet.
         self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
     }
@@ -332,7 +359,7 @@ impl Simulation {
                 if 2.0 * far + neighborhood.inner_skin > neighborhood.settings.skin {
                     self.rebuild_neighborhood();
                 } else {
-                    neighborhood.prune(spheres, &self.threads);
+                    neighborhood.prune(spheres, &self.particles.velocities, &self.threads);
                 }
             }
         }
@@ -352,7 +379,8 @@ impl Simulation {
         self.particles.reorder(&order);
         let walls = self.take_wall_contacts(&order);
         let near = self.take_wall_candidates();
-        self.neighborhood.make_lists(&self.particles.spheres, &order, &held, &self.threads);
+        let Particles { spheres, velocities, .. } = &self.particles;
+        self.neighborhood.make_lists(spheres, velocities, &order, &held, &self.threads);
         self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &order);
     }
@@ -369,7 +397,8 @@ impl Simulation {
         let from_old: Vec<u32> = order.iter().map(|&index| kept[index as usize]).collect();
         let walls = self.take_wall_contacts(&from_old);
         let near = self.take_wall_candidates();
-        self.neighborhood.make_lists(&self.particles.spheres, &from_old, &held, &self.threads);
+        let Particles { spheres, velocities, .. } = &self.particles;
+        self.neighborhood.make_lists(spheres, velocities, &from_old, &held, &self.threads);
         self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &from_old);
     }

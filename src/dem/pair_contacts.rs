@@ -1,237 +1,313 @@
-//! Contacts between particles: the loop that costs the time.
+//! Contacts between particles: the loop that costs the time, several pairs at once.
 
-use super::contact::{Answer, Touch, answer, elastic_energy, present_memory};
+use super::contact::{Springs, answer};
 use super::energy::{DeepContact, Tally};
 use super::law::constants::{LawTable, PairConstants};
 use super::law::tangential::tangential_energy;
-use super::law::{Compatibility, LawSettings, NormalMotion};
-use super::neighbor::list::{Candidate, Images, InnerList, Memory, NO_IMAGE};
-use super::particles::{Acceleration, Load, Sphere, Velocity};
+use super::law::{LawSettings, NormalContact};
+use super::meeting::{Block, ContactScene, Near};
+use super::neighbor::list::{Images, InnerList, Memory, PairMemory, effective_mass, effective_radius};
+use super::particles::Load;
 use crate::math::Vec3;
+use crate::math::lanes::{LaneVector, Lanes, MOST_LANES, Mask};
 
-/// What all chunks read while they compute contacts.
-#[derive(Debug, Clone, Copy)]
-pub struct ContactScene<'a> {
-    /// Centres and radii.
-    pub spheres: &'a [Sphere],
-    /// Velocities.
-    pub velocities: &'a [Velocity],
-    /// Accelerations at the last full step.
-    pub accelerations: &'a [Acceleration],
-    /// Laws.
-    pub law: &'a LawTable,
-    /// Periodic images.
-    pub images: &'a Images,
-    /// Time step [s]; 0 where the memory must not move.
-    pub timestep: f64,
-    /// Watchdog's limit of overlap over the smaller radius [-].
-    pub overlap_limit: f64,
-    /// Factor c of I = c m r^2 [-].
-    pub inertia_factor: f64,
+/// Blocks of lanes that go through the kernel's passes together: what passes hand on stays in the nearest cache.
+const TOGETHER: usize = 8;
+
+/// What the first pass finds about a block.
+#[derive(Clone, Copy)]
+struct Placed<L: Lanes> {
+    near: Near<L>,
+    touches: L::Mask,
 }
 
-impl ContactScene<'_> {
-    /// Relative motion of particle `index` and a candidate, where they touch, with the lever arms of both [m].
-    #[inline(always)]
-    #[must_use]
-    pub fn touch(&self, index: usize, candidate: Candidate) -> Option<(Touch, [f64; 2])> {
-        self.touch_from(&self.spheres[index], &self.velocities[index], candidate)
-    }
+/// What the second pass finds: forces on owners (on partners the opposite), and torques on both; nothing in lanes that do not touch.
+#[derive(Clone, Copy)]
+struct Pushed<L> {
+    force: LaneVector<L>,
+    torques: [LaneVector<L>; 2],
+}
 
-    /// As [`ContactScene::touch`], for a particle whose records the caller holds.
+impl<L: Lanes> Placed<L> {
     #[inline(always)]
-    fn touch_from(&self, i: &Sphere, a: &Velocity, candidate: Candidate) -> Option<(Touch, [f64; 2])> {
-        let partner = candidate.partner as usize;
-        let j = &self.spheres[partner];
-        let mut branch = j.position() - i.position();
-        if candidate.image != NO_IMAGE {
-            branch += self.images.offset(candidate.image);
-        }
-        let square = branch.norm_squared();
-        let sum = i.radius + j.radius;
-        if square >= sum * sum {
-            return None;
-        }
-        let distance = square.sqrt();
-        let normal = branch * (1.0 / distance);
-        let overlap = sum - distance;
-        let b = &self.velocities[partner];
-        let levers = [i.radius - 0.5 * overlap, j.radius - 0.5 * overlap];
-        let (spin_a, spin_b) = (Vec3::from(a.angular), Vec3::from(b.angular));
-        let inverse =
-            |velocity: &Velocity, radius: f64| velocity.inverse_mass / (self.inertia_factor * radius * radius);
-        let touch = Touch {
-            normal,
-            overlap,
-            velocity: Vec3::from(a.linear) - Vec3::from(b.linear),
-            lever_spin: spin_a * levers[0] + spin_b * levers[1],
-            relative_spin: spin_a - spin_b,
-            effective_radius: i.radius * j.radius / sum,
-            effective_mass: 1.0 / (a.inverse_mass + b.inverse_mass),
-            inverse_inertia: inverse(a, i.radius) + inverse(b, j.radius),
-            closing_lag: 0.0,
-        };
-        Some((touch, levers))
-    }
-
-    /// Closing speed that the laws see less its mean over the time step [m/s]: half a time step of acceleration, unless the
-    /// laws see half-step velocities.
-    #[inline(always)]
-    #[must_use]
-    pub fn closing_lag(&self, acceleration: &Vec3, normal: &Vec3) -> f64 {
-        match self.law.settings.compatibility {
-            Compatibility::Tollgate => 0.5 * self.timestep * acceleration.dot(normal),
-            Compatibility::Liggghts => 0.0,
-        }
+    fn nowhere() -> Self {
+        let zero = L::zero();
+        let near = Near { branch: LaneVector::zeros(), square: zero, radii: [zero; 2], sum: zero };
+        Self { near, touches: L::Mask::from_bits(0) }
     }
 }
 
-/// Adds the loads of a chunk's pairs. `first` is the chunk's first particle, `loads` its particles' loads. With `BOTH` the
-/// partners lie in the chunk too and get theirs; else only the row's particle does.
-pub fn add_pair_loads<const BOTH: bool, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
-    scene: &ContactScene,
+impl<L: Lanes> Pushed<L> {
+    #[inline(always)]
+    fn nothing() -> Self {
+        Self { force: LaneVector::zeros(), torques: [LaneVector::zeros(); 2] }
+    }
+}
+
+/// A chunk's pairs and what is the same for all of them.
+pub struct PairKernel<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> {
+    scene: &'a ContactScene<'a>,
     first: usize,
-    list: &mut InnerList,
-    loads: &mut [Load],
-    springs: &mut [Vec3],
-    tally: &mut Tally,
-) {
-    let remembers = FRICTION || ROLLING;
-    let share = if BOTH { 1.0 } else { 0.5 };
-    // Copies: what is written below could otherwise change them, as far as the compiler knows.
-    let (settings, single) = (scene.law.settings, scene.law.single_pair());
-    for row in 0..loads.len() {
-        let index = first + row;
-        let mut own = Load::ZERO;
-        let (sphere, a) = (scene.spheres[index], scene.velocities[index]);
-        for entry in list.row(row) {
-            let candidate = list.candidates[entry];
-            let partner = candidate.partner as usize;
-            let Some((mut touch, levers)) = scene.touch_from(&sphere, &a, candidate) else {
-                if remembers {
-                    forget::<ENERGY>(scene, index, partner, &mut list.memory[entry], tally, share);
-                }
-                continue;
-            };
-            let b = &scene.velocities[partner];
-            if a.path.is_prescribed() && b.path.is_prescribed() {
-                if remembers {
-                    list.memory[entry] = Memory::NONE;
-                }
-                continue;
+    has_prescribed: bool,
+    settings: LawSettings,
+    single: Option<PairConstants<L>>,
+}
+
+impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>
+    PairKernel<'a, L, BOTH, FRICTION, ROLLING, ENERGY>
+{
+    /// `first` is the chunk's first particle. With `BOTH` the partners lie in the chunk too and get their loads; else only the
+    /// pairs' owners do.
+    #[inline(always)]
+    #[must_use]
+    pub fn new(scene: &'a ContactScene<'a>, first: usize, has_prescribed: bool) -> Self {
+        let single = scene.law.single_pair().as_ref().map(PairConstants::everywhere);
+        Self { scene, first, has_prescribed, settings: scene.law.settings, single }
+    }
+
+    /// Share of a pair's losses that is booked here.
+    const SHARE: f64 = if BOTH { 1.0 } else { 0.5 };
+
+    /// Adds the loads of the list's pairs to `loads`, those of the chunk's particles, in the list's order: the number of lanes
+    /// changes no bit.
+    #[inline(always)]
+    pub fn add_loads(&self, list: &mut InnerList, loads: &mut [Load], springs: &mut [Vec3], tally: &mut Tally) {
+        let blocks = list.len().div_ceil(L::COUNT);
+        let mut placed = [Placed::<L>::nowhere(); TOGETHER];
+        let mut pushed = [Pushed::<L>::nothing(); TOGETHER];
+        // Summed apart from the other losses: how many blocks go together must not change the order.
+        let mut ended = 0.0;
+        for start in (0..blocks).step_by(TOGETHER) {
+            let together = TOGETHER.min(blocks - start);
+            for (number, placed) in placed[..together].iter_mut().enumerate() {
+                *placed = self.place(list, (start + number) * L::COUNT, &mut ended);
             }
-            let smaller_radius = levers[0].min(levers[1]) + 0.5 * touch.overlap;
-            if touch.overlap > scene.overlap_limit * smaller_radius {
-                let ratio = touch.overlap / smaller_radius;
-                let deep = DeepContact { particle: index as u32, partner: Some(candidate.partner), part: None, ratio };
-                tally.note_deep(deep);
-            }
-            if ENERGY {
-                let acceleration = scene.accelerations[index].linear - scene.accelerations[partner].linear;
-                touch.closing_lag = scene.closing_lag(&acceleration, &touch.normal);
-            }
-            let pair = single.as_ref().unwrap_or_else(|| scene.law.pair(a.material, b.material));
-            let mut none = Memory::NONE;
-            let memory = if remembers { &mut list.memory[entry] } else { &mut none };
-            let result: Answer =
-                answer::<FRICTION, ROLLING, ENERGY>(&settings, pair, &touch, scene.timestep, memory, tally, share);
-            own.force += result.force;
-            if ENERGY {
-                let spring = touch.normal * result.normal.elastic;
-                springs[row] -= spring;
-                if BOTH {
-                    springs[partner - first] += spring;
+            for number in 0..together {
+                let from = (start + number) * L::COUNT;
+                if placed[number].touches.any() {
+                    pushed[number] = self.push(list, from, &placed[number], springs, tally);
+                } else if FRICTION || ROLLING {
+                    write_springs::<L, FRICTION, ROLLING>(&mut list.memory, from, &Springs::none());
                 }
             }
-            if FRICTION || ROLLING {
-                own.torque += result.twist * levers[0] + result.rolling;
-            }
-            if BOTH {
-                let other = &mut loads[partner - first];
-                other.force -= result.force;
-                if FRICTION || ROLLING {
-                    other.torque += result.twist * levers[1] - result.rolling;
-                }
+            for number in (0..together).filter(|&number| placed[number].touches.any()) {
+                self.add(&Block::of::<L>(list, (start + number) * L::COUNT), &pushed[number], loads);
             }
         }
-        loads[row].force += own.force;
-        loads[row].torque += own.torque;
+        tally.slip += Self::SHARE * ended;
+    }
+
+    /// First pass: who touches.
+    #[inline(always)]
+    fn place(&self, list: &InnerList, from: usize, ended: &mut f64) -> Placed<L> {
+        let block = Block::of::<L>(list, from);
+        // The last block repeats its last pair in lanes that count for nothing.
+        let counted = L::Mask::from_bits(u16::MAX >> (MOST_LANES - (list.len() - from).min(L::COUNT)));
+        let shift = list.has_images().then(|| images::<L>(self.scene.images, list, from));
+        let near = self.scene.near::<L>(&block, shift);
+        let overlaps = near.square.below(near.sum * near.sum) & counted;
+        if ENERGY && self.scene.law.is_linear() {
+            add_ended(self.scene, &block, (!overlaps & counted).bits(), &list.memory, from, ended);
+        }
+        let touches = if self.has_prescribed { overlaps & !both_prescribed::<L>(self.scene, &block) } else { overlaps };
+        Placed { near, touches }
+    }
+
+    /// Second pass: the laws.
+    #[inline(always)]
+    fn push(
+        &self,
+        list: &mut InnerList,
+        from: usize,
+        Placed { near, touches }: &Placed<L>,
+        springs: &mut [Vec3],
+        tally: &mut Tally,
+    ) -> Pushed<L> {
+        let (scene, block) = (self.scene, Block::of::<L>(list, from));
+        let depth = scene.depth(near);
+        let smaller_radius = near.radii[0].smaller(near.radii[1]);
+        let deep = depth.overlap.exceeds(L::splat(scene.overlap_limit) * smaller_radius) & *touches;
+        if deep.any() {
+            note_deep(block, (depth.overlap / smaller_radius).to_array(), deep.bits(), tally);
+        }
+        let effective_radius = L::from_slice(&list.effective_radii[from..]);
+        let effective_mass = L::from_slice(&list.effective_masses[from..]);
+        let mut touch = scene.touch::<L, ROLLING>(&block, near, &depth, [effective_radius, effective_mass]);
+        if ENERGY {
+            touch.closing_lag = pair_lag(scene, &block, &touch.normal);
+        }
+        let several;
+        let pair = match &self.single {
+            Some(pair) => pair,
+            None => {
+                several = pairs_of(scene, &block);
+                &several
+            }
+        };
+        let stiffness = self.settings.stiffness(pair, &touch.normal_contact());
+        let mut held = read_springs::<L, FRICTION, ROLLING>(&list.memory, from);
+        let (law, timestep) = (&self.settings, scene.timestep);
+        let result = answer::<L, FRICTION, ROLLING, ENERGY>(law, pair, &stiffness, &touch, timestep, &mut held);
+        if ENERGY {
+            let (bits, elastic) = (touches.bits(), stiffness.elastic);
+            result.lost.book(Self::SHARE, bits, tally);
+            book_normal_springs::<L, BOTH>(&block, self.first, bits, &touch.normal, elastic, springs);
+        }
+        if FRICTION || ROLLING {
+            let kept = Springs { tangential: held.tangential.only(*touches), rolling: held.rolling.only(*touches) };
+            write_springs::<L, FRICTION, ROLLING>(&mut list.memory, from, &kept);
+        }
+        // Nothing of lanes that do not touch, whatever came out there.
+        let mut pushed = Pushed { force: result.force.only(*touches), ..Pushed::nothing() };
+        if FRICTION || ROLLING {
+            let [own, partner] = depth.levers;
+            let (mut torque, mut counter_torque) = (result.twist * own, result.twist * partner);
+            if ROLLING {
+                torque = torque + result.rolling;
+                counter_torque = counter_torque - result.rolling;
+            }
+            pushed.torques = [torque.only(*touches), counter_torque.only(*touches)];
+        }
+        pushed
+    }
+
+    /// Third pass: forces and torques go to the particles.
+    #[inline(always)]
+    fn add(&self, block: &Block, pushed: &Pushed<L>, loads: &mut [Load]) {
+        debug_assert!(block.own.iter().all(|&index| (index as usize).wrapping_sub(self.first) < loads.len()));
+        // Indices count from the first of all particles.
+        let rows: *mut [f64; 8] = loads.as_mut_ptr().cast::<[f64; 8]>().wrapping_sub(self.first);
+        let zero = L::zero();
+        let (force, [torque, counter_torque]) = (pushed.force, &pushed.torques);
+        let columns = |force: &LaneVector<L>, torque: &LaneVector<L>| {
+            [force.x, force.y, force.z, zero, torque.x, torque.y, torque.z, zero]
+        };
+        let own = columns(&force, torque);
+        // SAFETY: loads are rows of eight numbers; the owners of a chunk's pairs are the chunk's own particles, and with `BOTH` so
+        // are their partners.
+        unsafe {
+            if BOTH {
+                L::add_to_rows(rows, [block.own, block.partner], [own, columns(&-force, counter_torque)]);
+            } else {
+                L::add_to_rows(rows, [block.own], [own]);
+            }
+        }
     }
 }
 
-/// Two particles that do not touch have no memory of each other. What a linear spring still held is lost in sliding.
 #[inline(always)]
-fn forget<const ENERGY: bool>(
-    scene: &ContactScene,
-    index: usize,
-    partner: usize,
-    memory: &mut Memory,
-    tally: &mut Tally,
-    share: f64,
+fn read_springs<L: Lanes, const FRICTION: bool, const ROLLING: bool>(memory: &PairMemory, from: usize) -> Springs<L> {
+    let mut springs = Springs::none();
+    if FRICTION || ROLLING {
+        springs.tangential = LaneVector::read_from(&memory.tangential, from);
+    }
+    if ROLLING {
+        springs.rolling = LaneVector::read_from(&memory.rolling, from);
+    }
+    springs
+}
+
+#[inline(always)]
+fn write_springs<L: Lanes, const FRICTION: bool, const ROLLING: bool>(
+    memory: &mut PairMemory,
+    from: usize,
+    springs: &Springs<L>,
 ) {
-    if *memory == Memory::NONE {
-        return;
+    if FRICTION || ROLLING {
+        springs.tangential.write_to(&mut memory.tangential, from);
     }
-    if ENERGY && scene.law.is_linear() {
-        let (a, b) = (&scene.velocities[index], &scene.velocities[partner]);
-        let radii = (scene.spheres[index].radius, scene.spheres[partner].radius);
-        let motion = NormalMotion {
+    if ROLLING {
+        springs.rolling.write_to(&mut memory.rolling, from);
+    }
+}
+
+/// Offsets of the images that the lanes' partners are [m].
+#[inline(always)]
+fn images<L: Lanes>(images: &Images, list: &InnerList, from: usize) -> LaneVector<L> {
+    let mut lists = [[0.0; MOST_LANES]; 3];
+    for lane in 0..L::COUNT {
+        let offset = images.offset(list.candidate(from + lane).image);
+        lists.iter_mut().zip(offset.iter()).for_each(|(list, component)| list[lane] = *component);
+    }
+    LaneVector::read_from(&lists, 0)
+}
+
+/// Lanes of two prescribed particles: they do not act on each other.
+#[inline(always)]
+fn both_prescribed<L: Lanes>(scene: &ContactScene, block: &Block) -> L::Mask {
+    let prescribed = |index: u32| scene.velocities[index as usize].path.is_prescribed();
+    let both = |lane: &usize| prescribed(block.own[*lane]) && prescribed(block.partner[*lane]);
+    L::Mask::from_bits((0..L::COUNT).filter(both).fold(0, |bits, lane| bits | 1 << lane))
+}
+
+/// Constants of the lanes' materials.
+#[inline(always)]
+fn pairs_of<L: Lanes>(scene: &ContactScene, block: &Block) -> PairConstants<L> {
+    let material = |index: u32| scene.velocities[index as usize].material;
+    PairConstants::by_lane(|lane| scene.law.pair(material(block.own[lane]), material(block.partner[lane])))
+}
+
+/// [`ContactScene::closing_lag`] of every lane.
+#[inline(always)]
+fn pair_lag<L: Lanes>(scene: &ContactScene, block: &Block, normal: &LaneVector<L>) -> L {
+    let acceleration = |index: u32| scene.accelerations[index as usize].linear;
+    let [x, y, z] = normal.to_arrays();
+    let mut lags = [0.0; MOST_LANES];
+    for lane in 0..L::COUNT {
+        let relative = acceleration(block.own[lane]) - acceleration(block.partner[lane]);
+        lags[lane] = scene.closing_lag(&relative, &Vec3::new(x[lane], y[lane], z[lane]));
+    }
+    L::from_slice(&lags)
+}
+
+/// Keeps the force of the normal springs on each particle apart, for the budget.
+#[inline(always)]
+fn book_normal_springs<L: Lanes, const BOTH: bool>(
+    block: &Block,
+    first: usize,
+    touches: u16,
+    normal: &LaneVector<L>,
+    elastic: L,
+    springs: &mut [Vec3],
+) {
+    let [x, y, z] = (*normal * elastic).to_arrays();
+    for lane in (0..L::COUNT).filter(|lane| touches >> lane & 1 == 1) {
+        let spring = Vec3::new(x[lane], y[lane], z[lane]);
+        springs[block.own[lane] as usize - first] -= spring;
+        if BOTH {
+            springs[block.partner[lane] as usize - first] += spring;
+        }
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn note_deep(block: Block, ratio: [f64; MOST_LANES], deep: u16, tally: &mut Tally) {
+    for lane in (0..block.own.len()).filter(|lane| deep >> lane & 1 == 1) {
+        let (particle, partner) = (block.own[lane], Some(block.partner[lane]));
+        tally.note_deep(DeepContact { particle, partner, part: None, ratio: ratio[lane] });
+    }
+}
+
+/// Two particles that do not touch have no memory of each other. What a linear spring still held is lost in sliding [J].
+fn add_ended(scene: &ContactScene, block: &Block, apart: u16, memory: &PairMemory, from: usize, ended: &mut f64) {
+    for lane in (0..block.own.len()).filter(|lane| apart >> lane & 1 == 1) {
+        let Some(memory) = memory.get(from + lane).filter(|memory| *memory != Memory::NONE) else { continue };
+        let indices = [block.own[lane] as usize, block.partner[lane] as usize];
+        let ([a, b], radii) =
+            (indices.map(|index| &scene.velocities[index]), indices.map(|index| scene.spheres[index].radius));
+        let contact = NormalContact {
             overlap: 0.0,
-            closing_speed: 0.0,
-            effective_radius: radii.0 * radii.1 / (radii.0 + radii.1),
-            effective_mass: 1.0 / (a.inverse_mass + b.inverse_mass),
+            effective_radius: effective_radius(radii[0], radii[1]),
+            effective_mass: effective_mass([a.inverse_mass, b.inverse_mass]),
         };
-        tally.slip += share * left_in_spring(scene.law, scene.law.pair(a.material, b.material), &motion, memory);
+        *ended += left_in_spring(scene.law, scene.law.pair(a.material, b.material), &contact, &memory);
     }
-    *memory = Memory::NONE;
 }
 
 /// Energy [J] that the tangential spring of a linear contact still holds as it ends.
 #[must_use]
-pub fn left_in_spring(law: &LawTable, pair: &PairConstants, motion: &NormalMotion, memory: &Memory) -> f64 {
-    let stiffness = law.settings.normal_force(pair, motion).tangential_stiffness;
-    tangential_energy(&law.settings, stiffness, &memory.tangential)
-}
-
-/// A contact as an observer sees it, at the present full step.
-#[derive(Debug, Clone, Copy)]
-pub struct SeenContact {
-    /// Relative motion.
-    pub touch: Touch,
-    /// Lever arm of the first body [m].
-    pub lever: f64,
-    /// Forces and torques.
-    pub answer: Answer,
-    /// Elastic energy [J].
-    pub elastic_energy: f64,
-    /// Memory as it is kept.
-    pub kept: Memory,
-}
-
-/// Looks at a contact without moving its memory.
-#[must_use]
-pub fn look(scene: &ContactScene, index: usize, candidate: Candidate, kept: Option<&Memory>) -> Option<SeenContact> {
-    let (touch, levers) = scene.touch(index, candidate)?;
-    let material = |particle: usize| scene.velocities[particle].material;
-    let pair = scene.law.pair(material(index), material(candidate.partner as usize));
-    let kept = kept.copied().unwrap_or(Memory::NONE);
-    Some(seen(&scene.law.settings, pair, &touch, levers[0], scene.timestep, &kept))
-}
-
-/// A contact of known relative motion, seen without moving its memory.
-#[must_use]
-pub fn seen(
-    settings: &LawSettings,
-    pair: &PairConstants,
-    touch: &Touch,
-    lever: f64,
-    timestep: f64,
-    kept: &Memory,
-) -> SeenContact {
-    let mut memory = present_memory(settings, pair, touch, timestep, kept);
-    let before = memory;
-    let mut tally = Tally::default();
-    let answer = answer::<true, true, false>(settings, pair, touch, 0.0, &mut memory, &mut tally, 1.0);
-    let elastic_energy = elastic_energy(settings, &answer.normal, &before);
-    SeenContact { touch: *touch, lever, answer, elastic_energy, kept: *kept }
+pub fn left_in_spring(law: &LawTable, pair: &PairConstants, contact: &NormalContact, memory: &Memory) -> f64 {
+    let stiffness = law.settings.stiffness(pair, contact).tangential_stiffness;
+    tangential_energy(&law.settings, stiffness, &memory.tangential.into())
 }

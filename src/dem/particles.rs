@@ -13,7 +13,57 @@ pub struct Sphere {
     pub radius: f64,
 }
 
+/// Reads a record as two rows of four numbers.
+macro_rules! rows {
+    ($name:ident) => {
+        impl $name {
+            /// Its two rows of four numbers.
+            #[inline(always)]
+            pub(super) fn rows(&self) -> [&[f64; 4]; 2] {
+                let first: *const [f64; 4] = std::ptr::from_ref(self).cast();
+                // SAFETY: eight numbers one after the other, none of them uninitialised.
+                unsafe { [&*first, &*first.add(1)] }
+            }
+        }
+    };
+}
+
+/// Writes a record as two rows of four numbers.
+macro_rules! rows_mut {
+    ($name:ident) => {
+        impl $name {
+            /// Its two rows of four numbers, to be changed. The last one of a velocity is two whole numbers of any bits, and must be
+            /// written back as it was.
+            #[inline(always)]
+            pub(super) fn rows_mut(&mut self) -> [&mut [f64; 4]; 2] {
+                let first: *mut [f64; 4] = std::ptr::from_mut(self).cast();
+                // SAFETY: eight numbers one after the other, none of them uninitialised; the two rows do not overlap.
+                unsafe { [&mut *first, &mut *first.add(1)] }
+            }
+        }
+    };
+}
+
+rows!(Acceleration);
+rows!(Load);
+rows_mut!(Acceleration);
+rows_mut!(Velocity);
+
 impl Sphere {
+    /// Centre and radius.
+    #[inline(always)]
+    pub(super) fn row(&self) -> &[f64; 4] {
+        // SAFETY: four numbers one after the other.
+        unsafe { &*std::ptr::from_ref(self).cast() }
+    }
+
+    /// Centre and radius, to be changed.
+    #[inline(always)]
+    pub(super) fn row_mut(&mut self) -> &mut [f64; 4] {
+        // SAFETY: four numbers one after the other.
+        unsafe { &mut *std::ptr::from_mut(self).cast() }
+    }
+
     /// Centre as a vector [m].
     #[inline(always)]
     #[must_use]
@@ -76,28 +126,54 @@ impl Path {
     }
 }
 
-/// Force and torque on a particle.
+/// Force and torque on a particle: a row of eight numbers, as the contact kernel adds to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct Load {
     /// Force [N].
     pub force: Vec3,
+    /// Not used.
+    spare: f64,
     /// Torque about the centre [N m].
     pub torque: Vec3,
+    /// Not used.
+    other_spare: f64,
 }
 
 impl Load {
     /// No load.
-    pub const ZERO: Self = Self { force: vec3(0.0, 0.0, 0.0), torque: vec3(0.0, 0.0, 0.0) };
+    pub const ZERO: Self = Self::new(vec3(0.0, 0.0, 0.0), vec3(0.0, 0.0, 0.0));
+
+    /// Force [N] and torque [N m].
+    #[must_use]
+    pub const fn new(force: Vec3, torque: Vec3) -> Self {
+        Self { force, spare: 0.0, torque, other_spare: 0.0 }
+    }
 }
 
-/// Acceleration of a particle.
+/// Acceleration of a particle: a row of eight numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
 pub struct Acceleration {
     /// Of the centre [m/s2].
     pub linear: Vec3,
+    /// Zero.
+    spare: f64,
     /// Of the spin [rad/s2].
     pub angular: Vec3,
+    /// Zero.
+    other_spare: f64,
+}
+
+impl Acceleration {
+    /// None.
+    pub const ZERO: Self = Self::new(vec3(0.0, 0.0, 0.0), vec3(0.0, 0.0, 0.0));
+
+    /// Of the centre [m/s2] and of the spin [rad/s2].
+    #[must_use]
+    pub const fn new(linear: Vec3, angular: Vec3) -> Self {
+        Self { linear, spare: 0.0, angular, other_spare: 0.0 }
+    }
 }
 
 /// All particles, in storage order. Every list has the same length.
@@ -141,7 +217,7 @@ impl Particles {
             path: Path::Free,
         });
         self.loads.push(Load::ZERO);
-        self.accelerations.push(Acceleration { linear: Vec3::zeros(), angular: Vec3::zeros() });
+        self.accelerations.push(Acceleration::ZERO);
         self.ids.push(state.id);
         self.densities.push(state.density);
     }

@@ -105,7 +105,7 @@ impl Simulation {
                 continue;
             }
             self.particles.velocities[index].path = Path::Free;
-            self.particles.loads[index] = Load { force: arrival.force, torque: arrival.torque };
+            self.particles.loads[index] = Load::new(arrival.force, arrival.torque);
             self.update_acceleration(index);
             self.book_comer(index);
             self.restore_contacts(index, &arrival.contacts, &here, &mut count);

@@ -19,6 +19,7 @@ use super::wall_contacts::PartLoad;
 use super::watchdog::{Stop, Watchdog};
 use crate::geometry::part::Part;
 use crate::material::MaterialTable;
+use crate::math::lanes::SimdLevel;
 use crate::math::{Bounds, Vec3};
 use crate::particle::{Body, ParticleClass, ParticleId, ParticleState};
 use std::collections::HashSet;
@@ -58,6 +59,8 @@ pub struct Setup {
     pub momentum: bool,
     /// Number of threads; changes no bit of the result.
     pub threads: usize,
+    /// Instruction set to compute contacts with; changes no bit of the result.
+    pub simd: SimdLevel,
 }
 
 /// Which terms the contact kernel computes.
@@ -96,6 +99,8 @@ pub struct Simulation {
     pub(super) recorded: RecordedParticles,
     pub(super) removed: Vec<Removal>,
     pub(super) watchdog: Watchdog,
+    /// Whether a particle went beyond an open border when all were moved.
+    pub(super) has_leavers: bool,
     pub(super) phases: super::phase::PhaseTimes,
 }
 
@@ -121,6 +126,7 @@ impl Simulation {
                 domain: setup.domain,
                 periodic: setup.periodic,
                 remembers: terms.friction || terms.rolling,
+                remembers_rolling: terms.rolling,
             }),
             walls,
             presence,
@@ -135,6 +141,7 @@ impl Simulation {
             recorded: RecordedParticles::default(),
             removed: Vec::new(),
             watchdog: Watchdog::default(),
+            has_leavers: false,
             phases: super::phase::PhaseTimes::default(),
             setup,
         }

@@ -5,14 +5,16 @@
 //! and that spoils static friction at large size ratios; the compatibility mode passes the latter. With the new loads,
 //! v = v + (a_old + a_new) dt / 2. Spins likewise.
 
+use super::integrate::{Advance, Correct, MotionNote, StepNote, acceleration, border_rows};
 use super::law::Compatibility;
+use super::meeting::ContactScene;
 use super::neighborhood::Chunk;
-use super::pair_contacts::{ContactScene, add_pair_loads};
-use super::particles::{Acceleration, Load, Path, Velocity};
+use super::pair_contacts::PairKernel;
+use super::particles::Load;
 use super::simulation::Simulation;
-use super::wall_contacts::{PartLoad, add_wall_loads};
+use super::wall_contacts::{PartLoad, WallKernel};
 use crate::math::Vec3;
-use crate::particle::Body;
+use crate::math::lanes::{LaneWork, Lanes, at_level};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -50,25 +52,18 @@ impl Simulation {
         let started = Instant::now();
         let (dt, lead) = (self.setup.timestep, self.velocity_lead());
         let ranges = self.ranges();
-        let mut farthest = vec![0.0_f64; ranges.len()];
+        let mut notes = vec![MotionNote::default(); ranges.len()];
+        let (domain, simd) = (border_rows(&self.setup.domain, self.setup.periodic), self.setup.simd);
         let accelerations = &self.particles.accelerations;
         let spheres = split_at_chunks(&mut self.particles.spheres, ranges.iter().cloned());
         let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
-        let work = ranges.iter().zip(spheres).zip(velocities).zip(&mut farthest).collect();
-        self.threads.for_each(work, |(((range, spheres), velocities), farthest)| {
-            let mut square = 0.0_f64;
-            let own = &accelerations[range.clone()];
-            for ((sphere, velocity), acceleration) in spheres.iter_mut().zip(velocities).zip(own) {
-                let linear = Vec3::from(velocity.linear);
-                let way = linear * dt + acceleration.linear * (0.5 * dt * dt);
-                sphere.centre = (sphere.position() + way).into();
-                velocity.linear = (linear + acceleration.linear * (lead * dt)).into();
-                velocity.angular = (Vec3::from(velocity.angular) + acceleration.angular * (lead * dt)).into();
-                square = square.max(way.norm_squared());
-            }
-            *farthest = square;
+        let work = ranges.iter().zip(spheres).zip(velocities).zip(&mut notes).collect();
+        self.threads.for_each(work, |(((range, spheres), velocities), note)| {
+            let accelerations = &accelerations[range.clone()];
+            *note = at_level(simd, Advance { spheres, velocities, accelerations, dt, lead, domain: &domain });
         });
-        let moved = farthest.into_iter().fold(0.0, f64::max).sqrt();
+        let moved = notes.iter().map(|note| note.farthest_squared).fold(0.0, f64::max).sqrt();
+        self.has_leavers = notes.iter().any(|note| note.leaves);
         self.neighborhood.note_motion(moved, self.walls.speed_bound() * dt);
         self.watchdog.note_displacement(moved);
         self.phases.integration += started.elapsed();
@@ -105,7 +100,7 @@ impl Simulation {
             overlap_limit: self.setup.overlap_limit,
             inertia_factor: self.setup.body.inertia_factor(),
         };
-        let walls = &self.walls;
+        let (scene, walls, simd) = (&scene, &self.walls, self.setup.simd);
         let ranges: Vec<_> = self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect();
         let loads = split_at_chunks(&mut self.particles.loads, ranges.into_iter());
         let work: Vec<(&mut Chunk, &mut [Load])> = self.neighborhood.chunks.iter_mut().zip(loads).collect();
@@ -114,12 +109,12 @@ impl Simulation {
             chunk.part_loads.fill(PartLoad::default());
             chunk.tally = super::energy::Tally::default();
             match (terms.friction, terms.rolling, terms.energy) {
-                (false, _, false) => load_chunk::<false, false, false>(&scene, walls, chunk, loads),
-                (false, _, true) => load_chunk::<false, false, true>(&scene, walls, chunk, loads),
-                (true, false, false) => load_chunk::<true, false, false>(&scene, walls, chunk, loads),
-                (true, false, true) => load_chunk::<true, false, true>(&scene, walls, chunk, loads),
-                (true, true, false) => load_chunk::<true, true, false>(&scene, walls, chunk, loads),
-                (true, true, true) => load_chunk::<true, true, true>(&scene, walls, chunk, loads),
+                (false, _, false) => at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads }),
+                (false, _, true) => at_level(simd, ChunkLoads::<false, false, true> { scene, walls, chunk, loads }),
+                (true, false, false) => at_level(simd, ChunkLoads::<true, false, false> { scene, walls, chunk, loads }),
+                (true, false, true) => at_level(simd, ChunkLoads::<true, false, true> { scene, walls, chunk, loads }),
+                (true, true, false) => at_level(simd, ChunkLoads::<true, true, false> { scene, walls, chunk, loads }),
+                (true, true, true) => at_level(simd, ChunkLoads::<true, true, true> { scene, walls, chunk, loads }),
             }
         });
         self.sum_chunks(timestep);
@@ -153,105 +148,49 @@ impl Simulation {
         let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
         let accelerations = split_at_chunks(&mut self.particles.accelerations, ranges.iter().cloned());
         let work = self.neighborhood.chunks.iter().zip(velocities).zip(accelerations).zip(&mut notes).collect();
+        let simd = self.setup.simd;
         self.threads.for_each(work, |(((chunk, velocities), accelerations), note)| {
-            let range = &chunk.range;
-            let mut springs = chunk.springs.iter();
-            let own = loads[range.clone()].iter().zip(&spheres[range.clone()]);
-            for ((velocity, old), (load, sphere)) in velocities.iter_mut().zip(accelerations).zip(own) {
-                let new = acceleration(load, velocity, sphere.radius, old, &gravity, body);
-                let linear = Vec3::from(velocity.linear) + (new.linear * 0.5 + old.linear * (0.5 - lead)) * dt;
-                let angular = Vec3::from(velocity.angular) + (new.angular * 0.5 + old.angular * (0.5 - lead)) * dt;
-                if let Some(spring) = springs.next() {
-                    // The laws booked what they took at the velocities they saw; it was done at these.
-                    let late = (linear - Vec3::from(velocity.linear), angular - Vec3::from(velocity.angular));
-                    note.late_work += ((load.force - spring).dot(&late.0) + load.torque.dot(&late.1)) * dt;
-                }
-                velocity.linear = linear.into();
-                velocity.angular = angular.into();
-                *old = new;
-                if velocity.path.is_prescribed() {
-                    note.prescribed_force += load.force;
-                    // Its contacts do this work on it; it gives the same to the others.
-                    note.prescribed_work -= (load.force.dot(&linear) + load.torque.dot(&angular)) * dt;
-                }
-                note.speed_square_sum += linear.norm_squared() + angular.norm_squared();
-                note.place_sum += sphere.centre.iter().sum::<f64>();
-            }
+            let (loads, spheres) = (&loads[chunk.range.clone()], &spheres[chunk.range.clone()]);
+            let springs = &chunk.springs;
+            *note =
+                at_level(simd, Correct { velocities, accelerations, loads, spheres, springs, dt, lead, gravity, body });
         });
-        let total = notes.iter().map(|note| note.speed_square_sum).sum::<f64>();
         self.booked.prescribed_work += notes.iter().map(|note| note.prescribed_work).sum::<f64>();
         self.momentum.ghost_force = notes.iter().map(|note| note.prescribed_force).sum();
         self.booked.dashpot -= notes.iter().map(|note| note.late_work).sum::<f64>();
-        let places = notes.iter().map(|note| note.place_sum).sum::<f64>();
-        self.watchdog.note_finite(total.is_finite() && places.is_finite());
+        self.watchdog.note_finite(notes.iter().all(|note| note.is_finite));
         self.phases.integration += started.elapsed();
     }
 }
 
-/// What a chunk's particles did in a time step.
-#[derive(Debug, Clone, Copy, Default)]
-struct StepNote {
-    /// Work that contacts did, springs in normal direction apart, beyond what the laws have booked [J].
-    late_work: f64,
-    prescribed_work: f64,
-    /// Sum of the loads on prescribed particles [N].
-    prescribed_force: Vec3,
-    /// Finite exactly while every velocity is.
-    speed_square_sum: f64,
-    /// Finite exactly while every place is.
-    place_sum: f64,
+/// The loads of one chunk's contacts.
+struct ChunkLoads<'a, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> {
+    scene: &'a ContactScene<'a>,
+    walls: &'a super::wall::Walls,
+    chunk: &'a mut Chunk,
+    loads: &'a mut [Load],
 }
 
-fn load_chunk<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
-    scene: &ContactScene,
-    walls: &super::wall::Walls,
-    chunk: &mut Chunk,
-    loads: &mut [Load],
-) {
-    let first = chunk.range.start;
-    let tally = &mut chunk.tally;
-    let springs = &mut chunk.springs;
-    if ENERGY {
-        springs.clear();
-        springs.resize(loads.len(), Vec3::zeros());
-    }
-    add_pair_loads::<true, FRICTION, ROLLING, ENERGY>(scene, first, &mut chunk.own, loads, springs, tally);
-    add_pair_loads::<false, FRICTION, ROLLING, ENERGY>(scene, first, &mut chunk.cross, loads, springs, tally);
-    add_wall_loads::<FRICTION, ROLLING, ENERGY>(
-        scene,
-        walls,
-        first,
-        &chunk.near_walls,
-        &mut chunk.wall_contacts,
-        loads,
-        springs,
-        &mut chunk.part_loads,
-        tally,
-        &mut chunk.scratch,
-    );
-}
+impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
+    for ChunkLoads<'_, FRICTION, ROLLING, ENERGY>
+{
+    type Output = ();
 
-/// Acceleration of a particle under its load and gravity; a prescribed one follows its path, on a recorded path with the
-/// acceleration `held` that came with it.
-#[inline(always)]
-pub(super) fn acceleration(
-    load: &Load,
-    velocity: &Velocity,
-    radius: f64,
-    held: &Acceleration,
-    gravity: &Vec3,
-    body: Body,
-) -> Acceleration {
-    match velocity.path {
-        Path::Free | Path::Tethered => {
-            let inverse_inertia = velocity.inverse_mass / (body.inertia_factor() * radius * radius);
-            Acceleration {
-                linear: body.in_plane(&(load.force * velocity.inverse_mass + gravity)),
-                angular: body.about_plane(&(load.torque * inverse_inertia)),
-            }
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Self { scene, walls, chunk, loads } = self;
+        let Chunk { range, own, cross, has_prescribed, near_walls, wall_contacts, springs, .. } = chunk;
+        let (first, prescribed, tally) = (range.start, *has_prescribed, &mut chunk.tally);
+        if ENERGY {
+            springs.clear();
+            springs.resize(loads.len(), Vec3::zeros());
         }
-        Path::Constant => Acceleration { linear: Vec3::zeros(), angular: Vec3::zeros() },
-        Path::Recorded => *held,
-        Path::Ballistic => Acceleration { linear: body.in_plane(gravity), angular: Vec3::zeros() },
+        PairKernel::<L, true, FRICTION, ROLLING, ENERGY>::new(scene, first, prescribed)
+            .add_loads(own, loads, springs, tally);
+        PairKernel::<L, false, FRICTION, ROLLING, ENERGY>::new(scene, first, prescribed)
+            .add_loads(cross, loads, springs, tally);
+        let part_loads = &mut chunk.part_loads;
+        WallKernel { scene, walls, first, loads, springs, part_loads, tally }
+            .add_loads::<L, FRICTION, ROLLING, ENERGY>(near_walls, wall_contacts, &mut chunk.scratch);
     }
 }

@@ -1,5 +1,7 @@
 //! Vectors and rotations: thin names over `nalgebra`, so that the rest of the code speaks of one kind of vector.
 
+pub mod lanes;
+
 /// A vector in space; its unit is said where it is used.
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A rotation in space.

@@ -1,5 +1,6 @@
 //! `summary.json`: the result of a run for machines; snake_case names with units.
 
+use crate::math::lanes::SimdLevel;
 use crate::storage::StorageError;
 use crate::storage::staging::write_whole;
 use serde::{Deserialize, Serialize};
@@ -102,6 +103,9 @@ pub struct StageSummary {
     pub peak_memory_bytes: Option<u64>,
     /// Threads used.
     pub threads: u64,
+    /// Instruction set of the contact kernels; null of an external code.
+    #[serde(default)]
+    pub simd: Option<SimdLevel>,
 }
 
 /// Processor time split against unsplit, after figure 8 of patent JP5440448B2: an upstream load A run X times and a downstream

@@ -150,29 +150,30 @@ fn contact(
     let youngs = pair.effective_youngs_modulus;
     let hertz = scene.law.normal == NormalLaw::HertzMindlin;
     let mindlin = 4.0 * pair.effective_shear_modulus / youngs;
-    let (normal_stiffness, resting_stiffness, tangential_ratio, damping_ratio) = match pair.direct {
-        Some(direct) => (
-            direct.normal_stiffness,
-            direct.normal_stiffness,
-            direct.tangential_stiffness / direct.normal_stiffness,
-            direct.normal_damping / (2.0 * (effective_mass * direct.normal_stiffness).sqrt()),
-        ),
-        // neither given directly nor to be had from the materials: two rigid bodies, which the scene's checks refuse
-        None if youngs.is_nan() || youngs <= 0.0 => return None,
-        None if hertz => {
-            let deepest = scale::hertz_maximum_overlap(effective_mass, effective_radius, youngs, speed);
-            let stiffness = |overlap| scale::hertz_tangent_stiffness(youngs, effective_radius, overlap);
-            let resting = LEAST_OVERLAP * kind.smallest;
-            (stiffness(deepest.max(resting)), stiffness(resting), mindlin, pair.damping_factor)
-        }
-        None => {
-            let velocity = scene.law.characteristic_velocity;
-            let ratio = if scene.law.compatibility == Compatibility::Liggghts { 1.0 } else { mindlin };
-            let stiffness = scale::linear_stiffness(effective_mass, effective_radius, youngs, velocity);
-            (stiffness, stiffness, ratio, pair.damping_factor)
-        }
-    };
-    let is_direct = pair.direct.is_some();
+    let (normal_stiffness, resting_stiffness, tangential_ratio, damping_ratio) =
+        match pair.given.map(|(given, _)| given) {
+            Some(direct) => (
+                direct.normal_stiffness,
+                direct.normal_stiffness,
+                direct.tangential_stiffness / direct.normal_stiffness,
+                direct.normal_damping / (2.0 * (effective_mass * direct.normal_stiffness).sqrt()),
+            ),
+            // neither given directly nor to be had from the materials: two rigid bodies, which the scene's checks refuse
+            None if youngs.is_nan() || youngs <= 0.0 => return None,
+            None if hertz => {
+                let deepest = scale::hertz_maximum_overlap(effective_mass, effective_radius, youngs, speed);
+                let stiffness = |overlap| scale::hertz_tangent_stiffness(youngs, effective_radius, overlap);
+                let resting = LEAST_OVERLAP * kind.smallest;
+                (stiffness(deepest.max(resting)), stiffness(resting), mindlin, pair.damping_factor)
+            }
+            None => {
+                let velocity = scene.law.characteristic_velocity;
+                let ratio = if scene.law.compatibility == Compatibility::Liggghts { 1.0 } else { mindlin };
+                let stiffness = scale::linear_stiffness(effective_mass, effective_radius, youngs, velocity);
+                (stiffness, stiffness, ratio, pair.damping_factor)
+            }
+        };
+    let is_direct = pair.given.is_some();
     let (impact_overlap, duration) = if hertz && !is_direct {
         (
             scale::hertz_maximum_overlap(effective_mass, effective_radius, youngs, speed),

@@ -74,7 +74,7 @@ impl Needs<'_> {
 
     fn normal_damping(&self) -> ModelDecision {
         let dissipates = |pair: &PairConstants| {
-            pair.damping_factor > 0.0 || pair.direct.is_some_and(|direct| direct.normal_damping > 0.0)
+            pair.damping_factor > 0.0 || pair.given.is_some_and(|(given, _)| given.normal_damping > 0.0)
         };
         let count = self.pairs.iter().filter(|pair| dissipates(pair)).count();
         let reason = match count {

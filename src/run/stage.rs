@@ -6,6 +6,7 @@ use super::{RunError, RunRequest, picture, summary};
 use crate::analysis::{MeasureResult, Observed, evaluate};
 use crate::backend::BackendError;
 use crate::backend::incoming::judged;
+use crate::backend::native::processor::Processor;
 use crate::backend::stage::{EndReason, Kick, StageRequest, StageResult};
 use crate::backend::{liggghts, native};
 use crate::exit_code;
@@ -28,8 +29,8 @@ pub struct StageOrder<'a> {
     pub request: &'a RunRequest,
     /// The plan of the whole scene: one time step and one set of models for all stages.
     pub plan: &'a Plan,
-    /// Threads.
-    pub threads: usize,
+    /// What the native solver takes of the processor.
+    pub processor: Processor,
     /// A particle is moved at the start.
     pub kick: Option<Kick>,
     /// What the user is warned of before the run.
@@ -177,7 +178,7 @@ fn doubts(stage: &StageRequest, inputs: &[StreamInput]) -> Vec<String> {
 fn computed(order: &StageOrder, job: &StageJob, request: &StageRequest) -> Result<StageResult, BackendError> {
     match job.backend {
         BackendName::Native => {
-            let mut setup = native::setup::setup(&job.scene, order.plan, order.threads);
+            let mut setup = native::setup::setup(&job.scene, order.plan, order.processor);
             setup.momentum = !request.records.is_empty() || !request.replays.is_empty();
             native::run(&job.scene, setup, request)
         }

@@ -116,6 +116,7 @@ pub fn of(
             particle_steps_per_s: result.particle_steps / result.wall_s,
             peak_memory_bytes: result.used.peak_memory_bytes,
             threads: result.identity.threads,
+            simd: result.identity.simd,
         }],
         gates: gates::of_stage(&job.name, folder, &result.gates)?,
         feeds,

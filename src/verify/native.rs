@@ -2,6 +2,7 @@
 
 use super::{CaseSetup, EnergySample, Experiment, NotRun, Sample};
 use crate::dem::simulation::{Setup, Simulation};
+use crate::math::lanes::SimdLevel;
 
 /// Runs cases on the native solver, one thread.
 #[derive(Debug, Clone, Copy, Default)]
@@ -27,6 +28,7 @@ impl Experiment for Native {
             energy: setup.energy,
             momentum: false,
             threads: 1,
+            simd: SimdLevel::best(),
         });
         simulation.insert(&setup.particles);
         let mut samples = vec![sample(&simulation, setup)];

@@ -43,18 +43,12 @@ fn recorded() -> &'static Path {
         let folder = tempfile::tempdir().unwrap();
         let request = RunRequest {
             scene: hopper(),
-            settings: Vec::new(),
             out: Some(folder.path().join("out")),
             threads: Some(1),
-            force: false,
-            resume: false,
-            whole: false,
             stages: vec!["hopper".to_owned()],
-            reuse: Vec::new(),
-            accept_stream: false,
             replicates: 1,
-            perturb: None,
             verbosity: Verbosity::Silent,
+            ..RunRequest::default()
         };
         run(&request, &AtomicBool::new(false)).unwrap();
         folder

@@ -10,6 +10,7 @@ use tollgate::dem::timescale::rayleigh_time;
 use tollgate::geometry::motion::{Motion, MotionKind, MotionTerm};
 use tollgate::geometry::part::{Part, Surface, TriangleMesh, Trigger};
 use tollgate::material::{Elasticity, Material, MaterialTable, PairContact, PairProperties};
+use tollgate::math::lanes::SimdLevel;
 use tollgate::math::{Bounds, Vec3, vec3};
 use tollgate::particle::{Body, ParticleId, ParticleState};
 
@@ -83,6 +84,7 @@ pub fn empty(radius: f64, law: LawSettings, properties: PairProperties) -> Setup
         energy: true,
         momentum: false,
         threads: 1,
+        simd: SimdLevel::best(),
     }
 }
 

@@ -13,6 +13,7 @@ mod hand_over;
 mod held_contacts;
 mod lists;
 mod prescribed;
+mod simd;
 mod tether;
 mod views;
 mod walls;

@@ -69,6 +69,7 @@ pub fn collect(run: Collected) -> Result<StageResult, BackendError> {
             backend: BackendName::Liggghts,
             version: run.version,
             threads: u64::from(scene.liggghts.ranks),
+            simd: None,
         },
         warnings: run.warnings,
         end: run.finished.end.unwrap_or(EndReason::Interrupted),

@@ -137,6 +137,7 @@ impl<'a> BatchFeeds<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::native::processor::Processor;
     use crate::backend::native::setup::setup;
     use crate::dem::simulation::Simulation;
     use crate::gate::Cadence;
@@ -204,7 +205,7 @@ time = "0.2 s"
     }
 
     fn native(scene: &Scene) -> Simulation {
-        Simulation::new(setup(scene, &plan(scene, None), 1))
+        Simulation::new(setup(scene, &plan(scene, None), Processor::new(Some(1), None)))
     }
 
     fn by_id(mut states: Vec<ParticleState>) -> Vec<ParticleState> {

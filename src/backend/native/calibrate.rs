@@ -1,5 +1,6 @@
 //! How fast this computer is with a scene's laws: two small lattices, stepped for a moment. Changes nothing of a run.
 
+use super::processor::Processor;
 use crate::dem::feed::size::SizeSampler;
 use crate::dem::neighbor::list::{Candidate, Memory};
 use crate::dem::particles::{Acceleration, Load, Sphere, Velocity};
@@ -22,7 +23,7 @@ const INNER_PAIRS: f64 = 2.9;
 
 /// Measures the speed with the scene's laws and first particle class; `None` where it has no class of particles.
 #[must_use]
-pub fn calibrate(scene: &Scene, plan: &Plan, threads: usize) -> Option<Calibration> {
+pub fn calibrate(scene: &Scene, plan: &Plan, processor: Processor) -> Option<Calibration> {
     let class = scene.classes.first()?;
     let density = scene.materials.materials[usize::from(class.material)].density?;
     let base_bytes = ProcessUse::now().peak_memory_bytes.map_or(0.0, |bytes| bytes as f64);
@@ -35,18 +36,18 @@ pub fn calibrate(scene: &Scene, plan: &Plan, threads: usize) -> Option<Calibrati
         velocity: Vec3::zeros(),
         spin: Vec3::zeros(),
     };
-    let rate = |spacing: f64| measure(&mut lattice(scene, plan, threads, &sphere, spacing));
+    let rate = |spacing: f64| measure(&mut lattice(scene, plan, processor, &sphere, spacing));
     // Touching by a thousandth: six contacts a particle, as in a bed with its neighbours in the corners counted.
     Some(Calibration {
         particle_steps_per_second_dense: rate(0.999),
         particle_steps_per_second_dilute: rate(2.5),
         bytes_per_particle: bytes_per_particle(),
         base_bytes,
-        threads,
+        threads: processor.threads,
     })
 }
 
-fn lattice(scene: &Scene, plan: &Plan, threads: usize, sphere: &ParticleState, spacing: f64) -> Simulation {
+fn lattice(scene: &Scene, plan: &Plan, processor: Processor, sphere: &ParticleState, spacing: f64) -> Simulation {
     let edge = 2.0 * sphere.radius * spacing;
     let place = |index: u64| {
         let along = |n: u64| ((n % EDGE) as f64 + 0.5) * edge;
@@ -69,7 +70,7 @@ fn lattice(scene: &Scene, plan: &Plan, threads: usize, sphere: &ParticleState, s
         domain: Bounds { minimum: [-room; 3], maximum: [2.0 * room; 3] },
         gravity: Vec3::zeros(),
         overlap_limit: f64::INFINITY,
-        ..super::setup::setup(scene, plan, threads)
+        ..super::setup::setup(scene, plan, processor)
     };
     let mut simulation = Simulation::new(setup);
     simulation.insert(&particles);

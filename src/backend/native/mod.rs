@@ -6,6 +6,7 @@ mod end;
 pub mod feeds;
 mod frames;
 pub mod gate;
+pub mod processor;
 mod series;
 pub mod setup;
 pub mod touching;
@@ -32,7 +33,7 @@ use std::time::Instant;
 /// Name of the backend in summaries.
 pub const NAME: &str = "native";
 /// Counts changes that may change a bit of a result: part of every key.
-pub const NUMERICS_VERSION: u32 = 1;
+pub const NUMERICS_VERSION: u32 = 2;
 
 /// Computes a stage from its start or its checkpoint to its end.
 ///
@@ -94,12 +95,6 @@ fn start(scene: &Scene, setup: Setup) -> Result<Simulation, BackendError> {
             Simulation::start_from(setup, &record).map_err(refuse)
         }
     }
-}
-
-/// One thread a processor core.
-#[must_use]
-pub fn default_threads() -> usize {
-    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
 /// Digest of a checkpoint that is to be started from.
@@ -264,6 +259,7 @@ impl Driver {
                 backend: BackendName::Native,
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 threads: simulation.setup().threads as u64,
+                simd: Some(simulation.setup().simd),
             },
             warnings: Vec::new(),
             end,

@@ -1,7 +1,6 @@
 //! Rows of `series.csv`.
 
 use super::Schedule;
-use crate::dem::inspect::{ContactRecord, Partner};
 use crate::dem::simulation::Simulation;
 use crate::math::Vec3;
 use crate::output::series::{PartRow, SeriesEnergy, SeriesRow, SeriesWriter, mass_column};
@@ -50,17 +49,9 @@ impl SeriesOutput {
 
 fn row(simulation: &Simulation, scene: &Scene) -> SeriesRow {
     let particles = simulation.particles();
-    let contacts = simulation.contacts();
-    let budget = simulation.energy();
+    let contacts = simulation.contact_survey();
+    let budget = if scene.output.energy { simulation.energy() } else { simulation.energy_without_springs() };
     let mass = |p: &ParticleState| scene.body.mass(p.radius, p.density);
-    let radius = |id| particles.binary_search_by_key(&id, |p| p.id).map_or(f64::INFINITY, |n| particles[n].radius);
-    let overlap_ratio = |contact: &ContactRecord| {
-        let other = match contact.j {
-            Partner::Particle(id) => radius(id),
-            Partner::Part { .. } => f64::INFINITY,
-        };
-        contact.overlap / radius(contact.i).min(other)
-    };
     let inserted = simulation.feed_reports().iter().map(|report| report.inserted_count).sum();
     let energy = scene.output.energy.then(|| SeriesEnergy {
         gravitational: budget.gravitational,
@@ -93,12 +84,12 @@ fn row(simulation: &Simulation, scene: &Scene) -> SeriesRow {
         step: simulation.steps_done(),
         particles: particles.len() as u64,
         mass: particles.iter().map(mass).sum(),
-        contacts: Some(contacts.len() as u64),
+        contacts: Some(contacts.count),
         kinetic_energy: budget.kinetic,
         rotational_energy: budget.rotational,
         rms_speed: simulation.rms_speed(),
         maximum_speed: particles.iter().map(|p| p.velocity.norm()).fold(0.0, f64::max),
-        maximum_overlap: Some(contacts.iter().map(overlap_ratio).fold(0.0, f64::max)),
+        maximum_overlap: Some(contacts.largest_overlap_ratio),
         inserted,
         removed: simulation.removed().len() as u64,
         energy,

@@ -1,5 +1,6 @@
 //! From a scene and its plan to the solver's setup.
 
+use super::processor::Processor;
 use crate::dem::law::RollingLaw;
 use crate::dem::simulation::Setup;
 use crate::plan::Plan;
@@ -7,7 +8,7 @@ use crate::scene::Scene;
 
 /// The solver's setup for a scene: the plan's time step, skin and models.
 #[must_use]
-pub fn setup(scene: &Scene, plan: &Plan, threads: usize) -> Setup {
+pub fn setup(scene: &Scene, plan: &Plan, processor: Processor) -> Setup {
     let mut law = scene.law;
     let mut materials = scene.materials.clone();
     if !plan.is_on("rolling_resistance") {
@@ -33,6 +34,7 @@ pub fn setup(scene: &Scene, plan: &Plan, threads: usize) -> Setup {
         overlap_limit: scene.solver.overlap_limit,
         energy: plan.is_on("energy_budget"),
         momentum: false,
-        threads,
+        threads: processor.threads,
+        simd: processor.simd,
     }
 }

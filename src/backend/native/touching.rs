@@ -1,5 +1,6 @@
 //! Who touches whom in a state that another code computed.
 
+use super::processor::Processor;
 use super::setup::setup;
 use crate::dem::inspect::Partner;
 use crate::dem::simulation::Simulation;
@@ -21,7 +22,7 @@ pub struct Touching {
 /// The contacts of `particles` with each other and with the parts that are `present`, where these are at plant time `time` [s].
 #[must_use]
 pub fn touching(scene: &Scene, plan: &Plan, particles: &[ParticleState], present: &[bool], time: f64) -> Touching {
-    let mut setup = setup(scene, plan, 1);
+    let mut setup = setup(scene, plan, Processor::new(Some(1), None));
     setup.feeds.clear();
     let there = scene.parts.iter().zip(present).filter(|(_, present)| **present);
     setup.parts = there.map(|(part, _)| standing(part, &part.motion.pose(time))).collect();

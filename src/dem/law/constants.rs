@@ -3,37 +3,101 @@
 use super::{LawSettings, NormalLaw};
 use crate::dem::timescale::damping_ratio;
 use crate::material::{MaterialTable, PairContact, PairProperties};
+use crate::math::lanes::{Lanes, MOST_LANES, Mask};
 
 /// Constants of one pair of materials.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PairConstants {
+pub struct PairConstants<L: Lanes = f64> {
     /// Effective Young's modulus E* [Pa], 1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j; 0 where the stiffness is given directly.
-    pub effective_youngs_modulus: f64,
+    pub effective_youngs_modulus: L,
     /// Effective shear modulus G* [Pa], 1/G* = (2 - nu_i)/G_i + (2 - nu_j)/G_j; 0 where the stiffness is given directly.
-    pub effective_shear_modulus: f64,
+    pub effective_shear_modulus: L,
     /// Damping factor beta = -ln e / sqrt(pi^2 + ln^2 e) [-], the share of critical damping.
-    pub damping_factor: f64,
+    pub damping_factor: L,
     /// Root of Mindlin's ratio of tangential to normal tangent stiffness, sqrt(4 G* / E*) [-].
-    pub root_of_stiffness_ratio: f64,
-    /// Constants given directly; `None` where they follow from E, nu and e.
-    pub direct: Option<DirectStiffness>,
+    pub root_of_stiffness_ratio: L,
+    /// Linear constants given directly, and where: the others follow from E, nu and e. `None` where they do everywhere.
+    pub given: Option<(GivenStiffness<L>, L::Mask)>,
     /// Sliding friction mu [-].
-    pub sliding_friction: f64,
+    pub sliding_friction: L,
     /// Rolling friction mu_r [-].
-    pub rolling_friction: f64,
+    pub rolling_friction: L,
 }
 
 /// Linear constants given directly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DirectStiffness {
+pub struct GivenStiffness<L: Lanes = f64> {
     /// K_n [N/m].
-    pub normal_stiffness: f64,
+    pub normal_stiffness: L,
     /// K_t [N/m].
-    pub tangential_stiffness: f64,
+    pub tangential_stiffness: L,
     /// eta_n [kg/s].
-    pub normal_damping: f64,
+    pub normal_damping: L,
     /// eta_t [kg/s].
-    pub tangential_damping: f64,
+    pub tangential_damping: L,
+}
+
+impl<L: Lanes> GivenStiffness<L> {
+    /// These in the lanes of the mask, else the others.
+    #[inline(always)]
+    pub(super) fn or(&self, here: L::Mask, others: &Self) -> Self {
+        let pick = |this, other| L::select(here, this, other);
+        Self {
+            normal_stiffness: pick(self.normal_stiffness, others.normal_stiffness),
+            tangential_stiffness: pick(self.tangential_stiffness, others.tangential_stiffness),
+            normal_damping: pick(self.normal_damping, others.normal_damping),
+            tangential_damping: pick(self.tangential_damping, others.tangential_damping),
+        }
+    }
+
+    /// The constants that `of` gives for each lane.
+    #[inline(always)]
+    fn by_lane(of: impl Fn(usize) -> GivenStiffness) -> Self {
+        Self {
+            normal_stiffness: lane_by_lane(|lane| of(lane).normal_stiffness),
+            tangential_stiffness: lane_by_lane(|lane| of(lane).tangential_stiffness),
+            normal_damping: lane_by_lane(|lane| of(lane).normal_damping),
+            tangential_damping: lane_by_lane(|lane| of(lane).tangential_damping),
+        }
+    }
+}
+
+#[inline(always)]
+fn lane_by_lane<L: Lanes>(of: impl Fn(usize) -> f64) -> L {
+    let mut list = [0.0; MOST_LANES];
+    (0..L::COUNT).for_each(|lane| list[lane] = of(lane));
+    L::from_slice(&list)
+}
+
+impl<L: Lanes> PairConstants<L> {
+    /// The same pair in every lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn everywhere(pair: &PairConstants) -> Self {
+        Self::by_lane(|_| pair)
+    }
+
+    /// The pair that `of` gives for each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn by_lane<'a>(of: impl Fn(usize) -> &'a PairConstants) -> Self {
+        let given = (0..L::COUNT).fold(0_u16, |bits, lane| bits | u16::from(of(lane).given.is_some()) << lane);
+        let stiffness = |lane: usize| of(lane).given.map_or(GivenStiffness::NONE, |(stiffness, _)| stiffness);
+        Self {
+            effective_youngs_modulus: lane_by_lane(|lane| of(lane).effective_youngs_modulus),
+            effective_shear_modulus: lane_by_lane(|lane| of(lane).effective_shear_modulus),
+            damping_factor: lane_by_lane(|lane| of(lane).damping_factor),
+            root_of_stiffness_ratio: lane_by_lane(|lane| of(lane).root_of_stiffness_ratio),
+            given: (given != 0).then(|| (GivenStiffness::by_lane(stiffness), L::Mask::from_bits(given))),
+            sliding_friction: lane_by_lane(|lane| of(lane).sliding_friction),
+            rolling_friction: lane_by_lane(|lane| of(lane).rolling_friction),
+        }
+    }
+}
+
+impl GivenStiffness {
+    const NONE: Self =
+        Self { normal_stiffness: 0.0, tangential_stiffness: 0.0, normal_damping: 0.0, tangential_damping: 0.0 };
 }
 
 impl PairConstants {
@@ -59,7 +123,7 @@ impl PairConstants {
             effective_shear_modulus: 0.0,
             damping_factor: 0.0,
             root_of_stiffness_ratio: 0.0,
-            direct: None,
+            given: None,
             sliding_friction: properties.sliding_friction,
             rolling_friction: properties.rolling_friction,
         };
@@ -72,9 +136,9 @@ impl PairConstants {
                 ..common
             },
             PairContact::Stiffness { normal_stiffness, tangential_stiffness, normal_damping, tangential_damping } => {
-                let direct =
-                    DirectStiffness { normal_stiffness, tangential_stiffness, normal_damping, tangential_damping };
-                Self { direct: Some(direct), ..common }
+                let given =
+                    GivenStiffness { normal_stiffness, tangential_stiffness, normal_damping, tangential_damping };
+                Self { given: Some((given, true)), ..common }
             }
         }
     }
@@ -101,7 +165,7 @@ impl LawTable {
                 effective_shear_modulus: f64::NAN,
                 damping_factor: f64::NAN,
                 root_of_stiffness_ratio: f64::NAN,
-                direct: None,
+                given: None,
                 sliding_friction: f64::NAN,
                 rolling_friction: f64::NAN,
             };

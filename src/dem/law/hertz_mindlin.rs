@@ -1,7 +1,8 @@
 //! Hertz's normal law with Tsuji's damping and Mindlin's no-slip tangential stiffness.
 
 use super::constants::PairConstants;
-use super::{NormalForce, NormalMotion};
+use super::{ContactStiffness, NormalContact};
+use crate::math::lanes::Lanes;
 
 /// sqrt(5/6): the factor that makes Tsuji's damping reproduce the coefficient of restitution.
 const SQRT_FIVE_SIXTHS: f64 = 0.912_870_929_175_276_9;
@@ -16,21 +17,21 @@ const SQRT_FIVE_SIXTHS: f64 = 0.912_870_929_175_276_9;
 /// tangent one is S_n, 3/2 of it.
 #[inline(always)]
 #[must_use]
-pub fn normal_force(pair: &PairConstants, motion: &NormalMotion) -> NormalForce {
-    let root = (motion.effective_radius * motion.overlap).sqrt();
-    let tangent_stiffness = 2.0 * pair.effective_youngs_modulus * root;
-    let tangential_stiffness = 8.0 * pair.effective_shear_modulus * root;
-    let damping = 2.0 * SQRT_FIVE_SIXTHS * pair.damping_factor * (tangent_stiffness * motion.effective_mass).sqrt();
-    let elastic = 2.0 / 3.0 * tangent_stiffness * motion.overlap;
-    NormalForce {
+pub fn stiffness<L: Lanes>(pair: &PairConstants<L>, contact: &NormalContact<L>) -> ContactStiffness<L> {
+    let number = L::splat;
+    let root = (contact.effective_radius * contact.overlap).sqrt();
+    let tangent_stiffness = number(2.0) * pair.effective_youngs_modulus * root;
+    let damping =
+        number(2.0 * SQRT_FIVE_SIXTHS) * pair.damping_factor * (tangent_stiffness * contact.effective_mass).sqrt();
+    let elastic = number(2.0 / 3.0) * tangent_stiffness * contact.overlap;
+    ContactStiffness {
         elastic,
-        total: elastic + damping * motion.closing_speed,
-        tangential_stiffness,
+        normal_damping: damping,
+        tangential_stiffness: number(8.0) * pair.effective_shear_modulus * root,
         tangential_damping: damping * pair.root_of_stiffness_ratio,
-        elastic_energy: 0.4 * elastic * motion.overlap,
-        // k_t grows with the root of the overlap: d(ln k_t)/dt = 1/2 d(ln delta)/dt.
-        stiffness_growth: 0.5 * motion.closing_speed / motion.overlap,
-        growth_by_overlap: 0.5 / motion.overlap,
+        elastic_energy: number(0.4) * elastic * contact.overlap,
+        // k_t grows with the root of the overlap: d(ln k_t) = 1/2 d(ln delta).
+        growth_by_overlap: number(0.5) / contact.overlap,
     }
 }
 
@@ -51,16 +52,12 @@ mod tests {
             effective_shear_modulus: 1.0e6,
             damping_factor: 0.3,
             root_of_stiffness_ratio: (4.0_f64 / 3.0).sqrt(),
-            direct: None,
+            given: None,
             sliding_friction: 0.5,
             rolling_friction: 0.0,
         };
-        let at = |overlap: f64| {
-            normal_force(
-                &pair,
-                &NormalMotion { overlap, closing_speed: 0.0, effective_radius: 1e-3, effective_mass: 1e-4 },
-            )
-        };
+        let at =
+            |overlap: f64| stiffness(&pair, &NormalContact { overlap, effective_radius: 1e-3, effective_mass: 1e-4 });
         let (overlap, count) = (2e-5, 20_000);
         let width = overlap / f64::from(count);
         // Midpoint rule: error of order (1 / count)^1.5 at the root's end.

@@ -1,8 +1,9 @@
 //! Linear spring and dashpot.
 
-use super::constants::PairConstants;
-use super::{Compatibility, LawSettings, NormalForce, NormalMotion};
+use super::constants::{GivenStiffness, PairConstants};
+use super::{Compatibility, ContactStiffness, LawSettings, NormalContact};
 use crate::dem::timescale::linear_stiffness;
+use crate::math::lanes::{Lanes, Mask};
 
 /// Elastic force F = K_n d, dashpot eta_n on the closing speed; constants given directly, or from E*, G* and e.
 ///
@@ -15,37 +16,44 @@ use crate::dem::timescale::linear_stiffness;
 /// and eta_t = eta_n, which is that code's convention.
 #[inline(always)]
 #[must_use]
-pub fn normal_force(settings: &LawSettings, pair: &PairConstants, motion: &NormalMotion) -> NormalForce {
-    let (normal_stiffness, tangential_stiffness, normal_damping, tangential_damping) = match pair.direct {
-        Some(d) => (d.normal_stiffness, d.tangential_stiffness, d.normal_damping, d.tangential_damping),
-        None => derived(settings, pair, motion),
+pub fn stiffness<L: Lanes>(
+    settings: &LawSettings,
+    pair: &PairConstants<L>,
+    contact: &NormalContact<L>,
+) -> ContactStiffness<L> {
+    let constants = match &pair.given {
+        None => derived(settings, pair, contact),
+        Some((stiffness, everywhere)) if !(!*everywhere).any() => *stiffness,
+        // Materials of both kinds.
+        Some((stiffness, here)) => stiffness.or(*here, &derived(settings, pair, contact)),
     };
-    let elastic = normal_stiffness * motion.overlap;
-    NormalForce {
+    let elastic = constants.normal_stiffness * contact.overlap;
+    ContactStiffness {
         elastic,
-        total: elastic + normal_damping * motion.closing_speed,
-        tangential_stiffness,
-        tangential_damping,
-        elastic_energy: 0.5 * elastic * motion.overlap,
-        stiffness_growth: 0.0,
-        growth_by_overlap: 0.0,
+        normal_damping: constants.normal_damping,
+        tangential_stiffness: constants.tangential_stiffness,
+        tangential_damping: constants.tangential_damping,
+        elastic_energy: L::splat(0.5) * elastic * contact.overlap,
+        growth_by_overlap: L::zero(),
     }
 }
 
-fn derived(settings: &LawSettings, pair: &PairConstants, motion: &NormalMotion) -> (f64, f64, f64, f64) {
-    let stiffness = linear_stiffness(
-        motion.effective_mass,
-        motion.effective_radius,
-        pair.effective_youngs_modulus,
-        settings.characteristic_velocity,
-    );
+#[inline(always)]
+fn derived<L: Lanes>(settings: &LawSettings, pair: &PairConstants<L>, contact: &NormalContact<L>) -> GivenStiffness<L> {
+    let (mass, radius, youngs) = (contact.effective_mass, contact.effective_radius, pair.effective_youngs_modulus);
+    // The power has no lanes.
+    let stiffness = L::lane_by_lane(mass, radius, youngs, |mass, radius, youngs| {
+        linear_stiffness(mass, radius, youngs, settings.characteristic_velocity)
+    });
     // 4 m* k / (1 + (pi / ln e)^2) = (2 beta)^2 m* k
-    let damping = 2.0 * pair.damping_factor * (motion.effective_mass * stiffness).sqrt();
-    if settings.compatibility == Compatibility::Liggghts {
-        return (stiffness, stiffness, damping, damping);
-    }
-    let tangential = stiffness * 4.0 * pair.effective_shear_modulus / pair.effective_youngs_modulus;
-    (stiffness, tangential, damping, damping * pair.root_of_stiffness_ratio)
+    let damping = L::splat(2.0) * pair.damping_factor * (mass * stiffness).sqrt();
+    let (tangential_stiffness, tangential_damping) = if settings.compatibility == Compatibility::Liggghts {
+        (stiffness, damping)
+    } else {
+        let tangential = stiffness * L::splat(4.0) * pair.effective_shear_modulus / youngs;
+        (tangential, damping * pair.root_of_stiffness_ratio)
+    };
+    GivenStiffness { normal_stiffness: stiffness, tangential_stiffness, normal_damping: damping, tangential_damping }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ pub mod linear;
 pub mod rolling;
 pub mod tangential;
 
+use crate::math::lanes::Lanes;
 use constants::PairConstants;
 use serde::Serialize;
 
@@ -70,50 +71,67 @@ pub enum Compatibility {
     Liggghts,
 }
 
-/// Approach of two bodies in contact, along the normal.
+/// Two bodies in contact, along the normal.
 #[derive(Debug, Clone, Copy)]
-pub struct NormalMotion {
+pub struct NormalContact<L = f64> {
     /// Overlap delta_n [m], > 0.
-    pub overlap: f64,
-    /// Rate of the overlap [m/s], > 0 while they approach.
-    pub closing_speed: f64,
+    pub overlap: L,
     /// R* [m].
-    pub effective_radius: f64,
+    pub effective_radius: L,
     /// m* [kg].
-    pub effective_mass: f64,
+    pub effective_mass: L,
 }
 
-/// Answer of a normal law.
+/// What a normal law makes of an overlap, whatever the speed.
 #[derive(Debug, Clone, Copy)]
-pub struct NormalForce {
-    /// Elastic part of the repulsion [N].
-    pub elastic: f64,
-    /// Repulsion [N].
-    pub total: f64,
+pub struct ContactStiffness<L = f64> {
+    /// Elastic repulsion [N].
+    pub elastic: L,
+    /// gamma_n [kg/s].
+    pub normal_damping: L,
     /// k_t [N/m].
-    pub tangential_stiffness: f64,
+    pub tangential_stiffness: L,
     /// gamma_t [kg/s].
-    pub tangential_damping: f64,
+    pub tangential_damping: L,
     /// Elastic energy of the normal spring [J].
-    pub elastic_energy: f64,
-    /// d(ln k_t)/dt [1/s].
-    pub stiffness_growth: f64,
+    pub elastic_energy: L,
     /// d(ln k_t)/d(delta_n) [1/m].
-    pub growth_by_overlap: f64,
+    pub growth_by_overlap: L,
+}
+
+impl<L: Lanes> ContactStiffness<L> {
+    /// None.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let zero = L::zero();
+        Self {
+            elastic: zero,
+            normal_damping: zero,
+            tangential_stiffness: zero,
+            tangential_damping: zero,
+            elastic_energy: zero,
+            growth_by_overlap: zero,
+        }
+    }
 }
 
 impl LawSettings {
-    /// The scene's normal law, with the no-attraction cut-off where it is on.
+    /// The scene's normal law at an overlap.
     #[inline(always)]
     #[must_use]
-    pub fn normal_force(&self, pair: &PairConstants, motion: &NormalMotion) -> NormalForce {
-        let mut force = match self.normal {
-            NormalLaw::Linear => linear::normal_force(self, pair, motion),
-            NormalLaw::HertzMindlin => hertz_mindlin::normal_force(pair, motion),
-        };
-        if !self.attraction {
-            force.total = force.total.max(0.0);
+    pub fn stiffness<L: Lanes>(&self, pair: &PairConstants<L>, contact: &NormalContact<L>) -> ContactStiffness<L> {
+        match self.normal {
+            NormalLaw::Linear => linear::stiffness(self, pair, contact),
+            NormalLaw::HertzMindlin => hertz_mindlin::stiffness(pair, contact),
         }
-        force
+    }
+
+    /// Repulsion [N] at a closing speed [m/s], > 0 while the bodies approach: F_n = F_elastic + gamma_n v_n, with the
+    /// no-attraction cut-off where it is on.
+    #[inline(always)]
+    #[must_use]
+    pub fn repulsion<L: Lanes>(&self, stiffness: &ContactStiffness<L>, closing_speed: L) -> L {
+        let total = stiffness.elastic + stiffness.normal_damping * closing_speed;
+        if self.attraction { total } else { total.larger(L::zero()) }
     }
 }

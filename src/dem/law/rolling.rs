@@ -1,17 +1,17 @@
 //! Rolling resistance.
 
-use super::{Compatibility, LawSettings, NormalForce, RollingLaw};
-use crate::math::Vec3;
+use super::{Compatibility, ContactStiffness, LawSettings, RollingLaw};
+use crate::math::lanes::{LaneVector, Lanes, Mask};
 
 /// What the rolling laws need of a contact.
 #[derive(Debug, Clone, Copy)]
-pub struct RollingMotion {
+pub struct RollingMotion<L = f64> {
     /// omega_i - omega_j [rad/s].
-    pub relative_spin: Vec3,
+    pub relative_spin: LaneVector<L>,
     /// R* [m].
-    pub effective_radius: f64,
+    pub effective_radius: L,
     /// 1/I_i + 1/I_j [1/(kg m2)]; the wall's is 0.
-    pub inverse_inertia: f64,
+    pub inverse_inertia: L,
 }
 
 /// Torque on i [N m]; on j the opposite.
@@ -24,43 +24,47 @@ pub struct RollingMotion {
 /// part of F_n and divides by the length of the whole relative spin; the compatibility mode does that.
 #[inline(always)]
 #[must_use]
-pub fn rolling_torque(
+pub fn rolling_torque<L: Lanes>(
     settings: &LawSettings,
-    normal: &NormalForce,
-    friction: f64,
-    direction: &Vec3,
-    motion: &RollingMotion,
+    stiffness: &ContactStiffness<L>,
+    repulsion: L,
+    friction: L,
+    direction: &LaneVector<L>,
+    motion: &RollingMotion<L>,
     timestep: f64,
-    history: &mut Vec3,
-) -> Vec3 {
-    let spin = motion.relative_spin - direction * motion.relative_spin.dot(direction);
+    history: &mut LaneVector<L>,
+) -> LaneVector<L> {
+    let spin = motion.relative_spin.plus(direction, -motion.relative_spin.dot(direction));
     let ours = settings.compatibility == Compatibility::Tollgate;
+    let zero = L::zero();
     match settings.rolling {
-        RollingLaw::None => Vec3::zeros(),
+        RollingLaw::None => LaneVector::zeros(),
         RollingLaw::Cdt => {
-            let (force, length) =
-                if ours { (normal.total.max(0.0), spin.norm()) } else { (normal.elastic, motion.relative_spin.norm()) };
-            if length == 0.0 {
-                return Vec3::zeros();
-            }
+            let (force, square) = if ours {
+                (repulsion.larger(zero), spin.norm_squared())
+            } else {
+                (stiffness.elastic, motion.relative_spin.norm_squared())
+            };
+            let length = square.sqrt();
             let mut torque = friction * motion.effective_radius * force;
             if ours && timestep > 0.0 {
-                torque = torque.min(length / (motion.inverse_inertia * timestep));
+                torque = torque.smaller(length / (motion.inverse_inertia * L::splat(timestep)));
             }
-            spin * (-torque / length)
+            (spin * (-torque / length)).only(length.exceeds(zero))
         }
         RollingLaw::Epsd2 => {
-            let stiffness = normal.tangential_stiffness * motion.effective_radius * motion.effective_radius;
+            let rolling = stiffness.tangential_stiffness * motion.effective_radius * motion.effective_radius;
             let (before, after) = if ours { (0.5 * timestep, 0.5 * timestep) } else { (timestep, 0.0) };
-            let memory = if ours { *history - direction * history.dot(direction) } else { *history };
-            let mut spring = memory + spin * (before * stiffness);
+            let memory = if ours { history.plus(direction, -history.dot(direction)) } else { *history };
+            let mut spring = memory.plus(&spin, L::splat(before) * rolling);
             let limit =
-                friction * motion.effective_radius * if ours { normal.total.max(0.0) } else { normal.total.abs() };
+                friction * motion.effective_radius * if ours { repulsion.larger(zero) } else { repulsion.abs() };
             let square = spring.norm_squared();
-            if square > limit * limit {
-                spring *= limit / square.sqrt();
+            let rolls = square.exceeds(limit * limit);
+            if rolls.any() {
+                spring = spring * L::select(rolls, limit / square.sqrt(), L::splat(1.0));
             }
-            *history = spring + spin * (after * stiffness);
+            *history = spring.plus(&spin, L::splat(after) * rolling);
             -spring
         }
     }

@@ -1,19 +1,19 @@
 //! The tangential spring with Coulomb's limit, with its memory of the contact.
 
-use super::{Compatibility, LawSettings, NormalForce, TangentialLaw};
-use crate::math::Vec3;
+use super::{Compatibility, ContactStiffness, LawSettings, TangentialLaw};
+use crate::math::lanes::{LaneVector, Lanes};
 
 /// What the tangential law did in one evaluation.
 #[derive(Debug, Clone, Copy)]
-pub struct TangentialForce {
+pub struct TangentialForce<L = f64> {
     /// Force on i [N].
-    pub force: Vec3,
+    pub force: LaneVector<L>,
     /// Energy lost in sliding in this time step [J].
-    pub slip: f64,
+    pub slip: L,
     /// Energy lost in the tangential dashpot in this time step [J].
-    pub dashpot: f64,
+    pub dashpot: L,
     /// Energy that the law itself makes (> 0) or loses because its stiffness depends on the overlap [J].
-    pub residual: f64,
+    pub residual: L,
 }
 
 /// F_t = -(k_t xi + gamma_t v_t), cut at mu |F_n|.
@@ -27,85 +27,121 @@ pub struct TangentialForce {
 /// the dashpot while sliding; the compatibility mode does that.
 #[inline(always)]
 #[must_use]
-pub fn tangential_force<const ENERGY: bool>(
+pub fn tangential_force<L: Lanes, const ENERGY: bool>(
     settings: &LawSettings,
-    normal: &NormalForce,
-    friction: f64,
-    direction: &Vec3,
-    slip_velocity: &Vec3,
+    stiffness: &ContactStiffness<L>,
+    friction: L,
+    repulsion: L,
+    direction: &LaneVector<L>,
+    motion: &TangentialMotion<L>,
     timestep: f64,
-    history: &mut Vec3,
-) -> TangentialForce {
+    history: &mut LaneVector<L>,
+) -> TangentialForce<L> {
     let ours = settings.compatibility == Compatibility::Tollgate;
     let total = settings.tangential == TangentialLaw::Total;
-    let stiffness = normal.tangential_stiffness;
-    // xi = h * compliance, so that one code serves both memories.
-    let (gain, compliance) =
-        if total { (1.0, 1.0) } else { (stiffness, if stiffness > 0.0 { 1.0 / stiffness } else { 0.0 }) };
+    let slip_velocity = &motion.slip_velocity;
     let lost = history.dot(direction);
-    let mut memory = *history - direction * lost;
+    let mut memory = history.plus(direction, -lost);
     if ours {
-        memory *= length_restored(lost, &memory);
+        memory = memory * length_restored(lost, &memory);
     }
     let (before, after) = if ours { (0.5 * timestep, 0.5 * timestep) } else { (timestep, 0.0) };
-    let trial = memory + slip_velocity * (before * gain);
-    let spring_factor = if total { stiffness } else { 1.0 };
-    let damping = if settings.tangential_damping { normal.tangential_damping } else { 0.0 };
-    let limit = friction * if ours { normal.total.max(0.0) } else { normal.total.abs() };
-    let mut force = trial * -spring_factor;
+    let gain = if total { L::splat(1.0) } else { stiffness.tangential_stiffness };
+    let trial = memory.plus(slip_velocity, L::splat(before) * gain);
+    let damping = if settings.tangential_damping { stiffness.tangential_damping } else { L::zero() };
+    let mut force = if total { trial * -stiffness.tangential_stiffness } else { -trial };
     if ours {
-        force -= slip_velocity * damping;
+        force = force.plus(slip_velocity, -damping);
     }
+    let limit = friction * if ours { repulsion.larger(L::zero()) } else { repulsion.abs() };
     let square = force.norm_squared();
-    let mut kept = trial;
-    let mut ratio = 1.0;
-    if square > limit * limit {
-        ratio = limit / square.sqrt();
-        force *= ratio;
-        kept *= ratio;
-    } else if !ours {
-        force -= slip_velocity * damping;
+    let slides = square.exceeds(limit * limit);
+    // No branch: which lanes slide cannot be foretold, and a wrong guess costs more than the root.
+    let ratio = L::select(slides, limit / square.sqrt(), L::splat(1.0));
+    force = force * ratio;
+    let kept = trial * ratio;
+    if !ours {
+        force = LaneVector::select(slides, &force, &force.plus(slip_velocity, -damping));
     }
-    *history = kept + slip_velocity * (after * gain);
-    let mut result = TangentialForce { force, slip: 0.0, dashpot: 0.0, residual: 0.0 };
+    *history = kept.plus(slip_velocity, L::splat(after) * gain);
+    let mut result = TangentialForce { force, slip: L::zero(), dashpot: L::zero(), residual: L::zero() };
     if ENERGY {
-        let slip = (trial - kept) * compliance;
-        let spring = kept * spring_factor;
-        // Exact work of a spring kept half a step ahead: see docs/theory/energy.md.
-        result.slip = spring.dot(&slip) + 0.5 * stiffness * slip.dot(&(slip - slip_velocity * timestep));
-        let viscous = damping * slip_velocity.norm_squared() * timestep;
-        if ratio == 1.0 {
-            result.dashpot = viscous;
-        } else if ours {
-            // While it slides, all that the limited force takes is wear.
-            result.slip += ratio * viscous;
-        }
-        // What the spring held as the step began changed its energy with the stiffness: k_t before over k_t now.
-        let before = (1.0 - 2.0 * normal.stiffness_growth * timestep).max(0.0).sqrt();
-        let energy = 0.5 * spring_factor * compliance * memory.norm_squared();
-        result.residual = match (total, before > 0.0) {
-            (true, _) => energy * (1.0 - before),
-            (false, true) => energy * (1.0 - 1.0 / before),
-            // A spring that was there without stiffness held nothing.
-            (false, false) => 0.0,
-        };
+        let spring = Spring { memory, trial, kept, ratio, slides };
+        book_losses(settings, stiffness, motion, &spring, timestep, &mut result);
     }
     result
+}
+
+/// Motion across the normal.
+#[derive(Debug, Clone, Copy)]
+pub struct TangentialMotion<L = f64> {
+    /// v_t [m/s].
+    pub slip_velocity: LaneVector<L>,
+    /// d(ln k_t)/dt [1/s]; looked at where losses are accounted for.
+    pub stiffness_growth: L,
+}
+
+/// The spring through one evaluation: as it was found and turned with the contact, before Coulomb's limit, and after.
+struct Spring<L: Lanes> {
+    memory: LaneVector<L>,
+    trial: LaneVector<L>,
+    kept: LaneVector<L>,
+    ratio: L,
+    slides: L::Mask,
+}
+
+/// Energies of one evaluation.
+#[inline(always)]
+fn book_losses<L: Lanes>(
+    settings: &LawSettings,
+    stiffness: &ContactStiffness<L>,
+    motion: &TangentialMotion<L>,
+    held: &Spring<L>,
+    timestep: f64,
+    result: &mut TangentialForce<L>,
+) {
+    let (zero, one, half, timestep) = (L::zero(), L::splat(1.0), L::splat(0.5), L::splat(timestep));
+    let total = settings.tangential == TangentialLaw::Total;
+    let (tangential, slip_velocity) = (stiffness.tangential_stiffness, &motion.slip_velocity);
+    // xi = h * compliance, so that one code serves both memories. A spring that was there without stiffness held nothing.
+    let compliance = if total { one } else { L::select(tangential.exceeds(zero), one / tangential, zero) };
+    let spring_factor = if total { tangential } else { one };
+    let damping = if settings.tangential_damping { stiffness.tangential_damping } else { zero };
+    let slip = (held.trial - held.kept) * compliance;
+    let spring = held.kept * spring_factor;
+    // Exact work of a spring kept half a step ahead: see docs/theory/energy.md.
+    let way = slip - *slip_velocity * timestep;
+    result.slip = spring.dot(&slip) + half * tangential * slip.dot(&way);
+    let viscous = damping * slip_velocity.norm_squared() * timestep;
+    result.dashpot = L::select(held.slides, zero, viscous);
+    if settings.compatibility == Compatibility::Tollgate {
+        // While it slides, all that the limited force takes is wear.
+        result.slip = result.slip + L::select(held.slides, held.ratio * viscous, zero);
+    }
+    // What the spring held as the step began changed its energy with the stiffness: k_t before over k_t now.
+    let before = (one - L::splat(2.0) * motion.stiffness_growth * timestep).larger(zero).sqrt();
+    let energy = half * spring_factor * compliance * held.memory.norm_squared();
+    result.residual = if total {
+        energy * (one - before)
+    } else {
+        L::select(before.exceeds(zero), energy * (one - one / before), zero)
+    };
 }
 
 /// Factor that gives the projected spring its length before the projection, to second order in the part `lost` along the
 /// normal: the spring turns with the contact.
 #[inline(always)]
-fn length_restored(lost: f64, projected: &Vec3) -> f64 {
+fn length_restored<L: Lanes>(lost: L, projected: &LaneVector<L>) -> L {
     let square = projected.norm_squared();
-    if square > 0.0 { 1.0 + 0.5 * (lost * lost).min(square) / square } else { 1.0 }
+    let factor = L::splat(1.0) + L::splat(0.5) * (lost * lost).smaller(square) / square;
+    L::select(square.exceeds(L::zero()), factor, L::splat(1.0))
 }
 
 /// Elastic energy of a tangential spring [J]: at the full step where `history` comes from
 /// [`crate::dem::contact::present_memory`]; what [`tangential_force`] keeps runs half a time step ahead.
 #[inline(always)]
 #[must_use]
-pub fn tangential_energy(settings: &LawSettings, stiffness: f64, history: &Vec3) -> f64 {
+pub fn tangential_energy(settings: &LawSettings, stiffness: f64, history: &LaneVector) -> f64 {
     let square = history.norm_squared();
     match settings.tangential {
         TangentialLaw::Total => 0.5 * stiffness * square,

@@ -1,7 +1,6 @@
 //! Contact memory carried over a change of the particles' order.
 
 use super::list::{InnerList, Memory};
-use std::ops::Range;
 
 /// The contacts that remember something, by storage index of either particle.
 #[derive(Debug, Default)]
@@ -11,16 +10,13 @@ pub struct HeldMemory {
 }
 
 impl HeldMemory {
-    /// Gathers the memories of `count` particles from the chunks' inner lists: (range, own pairs, cross pairs).
+    /// Gathers the memories of `count` particles from the chunks' inner lists: (own pairs, cross pairs).
     #[must_use]
-    pub fn gather<'a>(
-        count: usize,
-        lists: impl Iterator<Item = (&'a Range<usize>, &'a InnerList, &'a InnerList)>,
-    ) -> Self {
+    pub fn gather<'a>(count: usize, lists: impl Iterator<Item = (&'a InnerList, &'a InnerList)>) -> Self {
         let mut found: Vec<(u32, u32, Memory)> = Vec::new();
-        for (range, own, cross) in lists {
-            collect(range, own, true, &mut found);
-            collect(range, cross, false, &mut found);
+        for (own, cross) in lists {
+            collect(own, true, &mut found);
+            collect(cross, false, &mut found);
         }
         let mut start = vec![0_u32; count + 1];
         found.iter().for_each(|(particle, ..)| start[*particle as usize + 1] += 1);
@@ -46,22 +42,12 @@ impl HeldMemory {
     }
 }
 
-fn collect(range: &Range<usize>, list: &InnerList, both: bool, found: &mut Vec<(u32, u32, Memory)>) {
-    if list.memory.is_empty() {
-        return;
-    }
-    for row in 0..range.len() {
-        let particle = (range.start + row) as u32;
-        for entry in list.row(row) {
-            let memory = list.memory[entry];
-            if memory == Memory::NONE {
-                continue;
-            }
-            let partner = list.candidates[entry].partner;
-            found.push((particle, partner, memory));
-            if both {
-                found.push((partner, particle, memory.mirrored()));
-            }
+fn collect(list: &InnerList, both: bool, found: &mut Vec<(u32, u32, Memory)>) {
+    for (entry, particle, candidate) in list.pairs() {
+        let Some(memory) = list.memory.get(entry).filter(|memory| *memory != Memory::NONE) else { continue };
+        found.push((particle, candidate.partner, memory));
+        if both {
+            found.push((candidate.partner, particle, memory.mirrored()));
         }
     }
 }

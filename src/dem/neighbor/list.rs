@@ -1,7 +1,8 @@
 //! Pair lists of one chunk: candidates (outer) and the pruned list that the contact kernel walks (inner).
 
-use crate::dem::particles::Sphere;
+use crate::dem::particles::{Sphere, Velocity};
 use crate::math::Vec3;
+use crate::math::lanes::MOST_LANES;
 use std::ops::Range;
 
 /// A candidate partner of a particle.
@@ -54,12 +55,12 @@ impl Images {
     }
 }
 
-/// Candidates of the particles of a chunk, one row a particle.
+/// Candidate pairs of a chunk.
 #[derive(Debug, Clone, Default)]
 pub struct OuterList {
-    /// Start of each row; one more than there are particles.
-    pub start: Vec<u32>,
-    /// Candidates, row after row.
+    /// The particle of each pair that the chunk owns.
+    pub owners: Vec<u32>,
+    /// The other one.
     pub candidates: Vec<Candidate>,
 }
 
@@ -83,75 +84,254 @@ impl Memory {
     }
 }
 
+/// The memories of an inner list's pairs, component by component, as vector registers take them. Components are as long as whole
+/// blocks of lanes; what lies beyond the pairs is nobody's.
+#[derive(Debug, Clone, Default)]
+pub struct PairMemory {
+    /// Tangential springs; empty where the scene has no friction.
+    pub tangential: [Vec<f64>; 3],
+    /// Rolling springs; empty where nothing resists rolling.
+    pub rolling: [Vec<f64>; 3],
+}
+
 /// The pairs that the contact kernel walks, with their memory.
 #[derive(Debug, Clone, Default)]
 pub struct InnerList {
-    /// Start of each row.
-    pub start: Vec<u32>,
-    /// Pairs, row after row.
-    pub candidates: Vec<Candidate>,
-    /// Memory of each pair; empty where the scene has no friction.
-    pub memory: Vec<Memory>,
+    /// How many pairs.
+    count: usize,
+    /// The particle of each pair that the chunk owns; padded to whole blocks of lanes with the last one.
+    pub owners: Vec<u32>,
+    /// The other particle of each pair; padded likewise.
+    pub partners: Vec<u32>,
+    /// Which periodic image of it; empty where all are the particles themselves.
+    images: Vec<u32>,
+    /// Where each pair stands in the outer list.
+    places: Vec<u32>,
+    /// R* of each pair [m]; padded to whole blocks of lanes.
+    pub effective_radii: Vec<f64>,
+    /// m* of each pair [kg]; padded to whole blocks of lanes.
+    pub effective_masses: Vec<f64>,
+    /// Memory of each pair.
+    pub memory: PairMemory,
 }
 
+/// What an inner list keeps in mind of its contacts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Remembered {
+    /// Tangential springs.
+    pub tangential: bool,
+    /// Rolling springs.
+    pub rolling: bool,
+}
+
+impl PairMemory {
+    /// Memory of a pair; none where the scene has no friction, or no such pair.
+    #[must_use]
+    pub fn get(&self, entry: usize) -> Option<Memory> {
+        let vector = |lists: &[Vec<f64>; 3]| Some(Vec3::new(*lists[0].get(entry)?, lists[1][entry], lists[2][entry]));
+        let tangential = vector(&self.tangential)?;
+        Some(Memory { tangential, rolling: vector(&self.rolling).unwrap_or_default() })
+    }
+
+    /// Sets the memory of a pair, where the scene has friction.
+    pub fn set(&mut self, entry: usize, memory: &Memory) {
+        for (lists, vector) in [(&mut self.tangential, &memory.tangential), (&mut self.rolling, &memory.rolling)] {
+            for (list, component) in lists.iter_mut().zip(vector.iter()) {
+                if let Some(slot) = list.get_mut(entry) {
+                    *slot = *component;
+                }
+            }
+        }
+    }
+
+    fn push(&mut self, remembered: Remembered, memory: &Memory) {
+        if remembered.tangential {
+            self.tangential.iter_mut().zip(memory.tangential.iter()).for_each(|(list, x)| list.push(*x));
+        }
+        if remembered.rolling {
+            self.rolling.iter_mut().zip(memory.rolling.iter()).for_each(|(list, x)| list.push(*x));
+        }
+    }
+}
+
+/// What pruning reads of all particles.
+#[derive(Debug, Clone, Copy)]
+pub struct Bodies<'a> {
+    /// Centres and radii.
+    pub spheres: &'a [Sphere],
+    /// Masses.
+    pub velocities: &'a [Velocity],
+    /// Periodic images.
+    pub images: &'a Images,
+}
+
+/// Particles whose pairs are mixed: enough for every lane of a block to belong to another one, few enough to stay in the nearest cache.
+const MIXED: usize = 32;
+
 impl OuterList {
-    /// The pairs within `skin` [m] of contact at `spheres`, in the same order, each with the memory that `recall(row, candidate)`
-    /// gives; rows start at particle `first`.
+    /// The pairs (owner, partner, image) of the particles in `range`, each particle's in the order given, mixed so that neighbours
+    /// in the list belong to different particles: what is added to one of them need not wait for what was added just before.
+    #[must_use]
+    pub fn mixed(range: &Range<usize>, pairs: impl Iterator<Item = (u32, u32, u32)> + Clone) -> Self {
+        let first = range.start as u32;
+        let mut start = vec![0_u32; range.len() + 1];
+        pairs.clone().for_each(|(owner, ..)| start[(owner - first) as usize + 1] += 1);
+        (0..range.len()).for_each(|row| start[row + 1] += start[row]);
+        let mut next = start.clone();
+        let blank = Candidate { partner: 0, image: NO_IMAGE };
+        let mut rows = vec![blank; start[range.len()] as usize];
+        for (owner, partner, image) in pairs {
+            let slot = &mut next[(owner - first) as usize];
+            rows[*slot as usize] = Candidate { partner, image };
+            *slot += 1;
+        }
+        let mut list = Self { owners: Vec::with_capacity(rows.len()), candidates: Vec::with_capacity(rows.len()) };
+        for group in (0..range.len()).step_by(MIXED) {
+            let group = group..(group + MIXED).min(range.len());
+            let longest = group.clone().map(|row| start[row + 1] - start[row]).max().unwrap_or(0);
+            for turn in 0..longest {
+                for row in group.clone().filter(|&row| start[row] + turn < start[row + 1]) {
+                    list.owners.push(first + row as u32);
+                    list.candidates.push(rows[(start[row] + turn) as usize]);
+                }
+            }
+        }
+        list
+    }
+
+    /// The pairs within `skin` [m] of contact, in the same order, each with the memory that
+    /// `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
     #[must_use]
     pub fn pruned(
         &self,
-        spheres: &[Sphere],
-        images: &Images,
-        first: usize,
+        bodies: Bodies,
         skin: f64,
-        mut recall: impl FnMut(usize, Candidate) -> Option<Memory>,
+        remembered: Remembered,
+        mut recall: impl FnMut(u32, u32, Candidate) -> Memory,
+        worn: InnerList,
     ) -> InnerList {
-        let mut inner = InnerList { start: Vec::with_capacity(self.start.len()), ..InnerList::default() };
-        inner.start.push(0);
-        for (row, range) in self.start.windows(2).enumerate() {
-            let own = &spheres[first + row];
-            for &candidate in &self.candidates[range[0] as usize..range[1] as usize] {
-                let other = &spheres[candidate.partner as usize];
-                let distance = other.position() - own.position() + images.offset(candidate.image);
-                let reach = own.radius + other.radius + skin;
-                if distance.norm_squared() < reach * reach {
-                    inner.candidates.push(candidate);
-                    inner.memory.extend(recall(row, candidate));
+        let Bodies { spheres, velocities, images } = bodies;
+        let mut inner = worn.emptied();
+        let has_images = self.candidates.iter().any(|candidate| candidate.image != NO_IMAGE);
+        for ((place, &owner), &candidate) in (0_u32..).zip(&self.owners).zip(&self.candidates) {
+            let indices = [owner as usize, candidate.partner as usize];
+            let [own, other] = indices.map(|index| &spheres[index]);
+            let mut distance = other.position() - own.position();
+            if candidate.image != NO_IMAGE {
+                distance += images.offset(candidate.image);
+            }
+            let reach = own.radius + other.radius + skin;
+            if distance.norm_squared() < reach * reach {
+                inner.places.push(place);
+                inner.owners.push(owner);
+                inner.partners.push(candidate.partner);
+                if has_images {
+                    inner.images.push(candidate.image);
+                }
+                inner.effective_radii.push(effective_radius(own.radius, other.radius));
+                inner.effective_masses.push(effective_mass(indices.map(|index| velocities[index].inverse_mass)));
+                if remembered.tangential || remembered.rolling {
+                    inner.memory.push(remembered, &recall(place, owner, candidate));
                 }
             }
-            inner.start.push(inner.candidates.len() as u32);
         }
+        inner.pad(remembered);
         inner
     }
 }
 
+/// R* = r_i r_j / (r_i + r_j) [m] of two radii [m].
+#[inline(always)]
+#[must_use]
+pub fn effective_radius(own: f64, other: f64) -> f64 {
+    own * other / (own + other)
+}
+
+/// m* = 1 / (1/m_i + 1/m_j) [kg] of two inverse masses [1/kg].
+#[inline(always)]
+#[must_use]
+pub fn effective_mass(inverse: [f64; 2]) -> f64 {
+    1.0 / (inverse[0] + inverse[1])
+}
+
 impl InnerList {
-    /// Entries of a row.
-    #[inline(always)]
-    #[must_use]
-    pub fn row(&self, row: usize) -> Range<usize> {
-        self.start[row] as usize..self.start[row + 1] as usize
+    /// An empty list in the same storage.
+    fn emptied(mut self) -> Self {
+        self.owners.clear();
+        self.partners.clear();
+        self.places.clear();
+        self.images.clear();
+        self.components().for_each(Vec::clear);
+        self
     }
 
-    /// A reader that finds the memory of candidates asked for in the outer list's order.
-    pub fn recall_in_order(&self, remembers: bool) -> impl FnMut(usize, Candidate) -> Option<Memory> {
-        let mut row_seen = usize::MAX;
+    fn components(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let Self { effective_radii, effective_masses, memory, .. } = self;
+        let PairMemory { tangential, rolling } = memory;
+        [effective_radii, effective_masses].into_iter().chain(tangential).chain(rolling)
+    }
+
+    /// Fills what kernels read to whole blocks of lanes.
+    fn pad(&mut self, remembered: Remembered) {
+        self.count = self.partners.len();
+        let length = self.count.next_multiple_of(MOST_LANES);
+        for list in [&mut self.owners, &mut self.partners, &mut self.images] {
+            if let Some(&last) = list.last() {
+                list.resize(length, last);
+            }
+        }
+        for list in [&mut self.effective_radii, &mut self.effective_masses] {
+            list.resize(length, 1.0);
+        }
+        let PairMemory { tangential, rolling } = &mut self.memory;
+        for (kept, lists) in [(remembered.tangential, tangential), (remembered.rolling, rolling)] {
+            if kept {
+                lists.iter_mut().for_each(|list| list.resize(length, 0.0));
+            }
+        }
+    }
+
+    /// Number of pairs.
+    #[inline(always)]
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.count
+    }
+
+    /// True where there is no pair.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// True where some partner is a periodic image.
+    #[inline(always)]
+    #[must_use]
+    pub fn has_images(&self) -> bool {
+        !self.images.is_empty()
+    }
+
+    /// The partner of a pair.
+    #[inline(always)]
+    #[must_use]
+    pub fn candidate(&self, entry: usize) -> Candidate {
+        Candidate { partner: self.partners[entry], image: self.images.get(entry).copied().unwrap_or(NO_IMAGE) }
+    }
+
+    /// The pairs: which entry, owner, and partner.
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, u32, Candidate)> {
+        (0..self.count).map(|entry| (entry, self.owners[entry], self.candidate(entry)))
+    }
+
+    /// A reader that finds the memory of pairs of the same outer list, asked for in its order.
+    pub fn recall_in_order(&self) -> impl FnMut(u32, u32, Candidate) -> Memory {
         let mut next = 0;
-        move |row, candidate| {
-            if !remembers {
-                return None;
+        move |place, _, _| {
+            while self.places.get(next).is_some_and(|held| *held < place) {
+                next += 1;
             }
-            if row != row_seen {
-                row_seen = row;
-                next = self.start[row] as usize;
-            }
-            // Both lists are subsequences of the outer row: walk on until this candidate, or stay where it is not held.
-            let end = self.start[row + 1] as usize;
-            let found = self.candidates[next..end].iter().position(|held| *held == candidate);
-            found.map_or(Some(Memory::NONE), |offset| {
-                next += offset + 1;
-                Some(self.memory[next - 1])
-            })
+            let held = self.places.get(next).is_some_and(|held| *held == place);
+            if held { self.memory.get(next).unwrap_or(Memory::NONE) } else { Memory::NONE }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The search for candidate pairs.
 
 use super::cells::CellLevels;
-use super::list::{Candidate, Images, NO_IMAGE, OuterList};
+use super::list::{Images, NO_IMAGE, OuterList};
 use crate::dem::particles::Sphere;
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use std::ops::Range;
 /// in both chunks, each of which computes the load on its own particle only.
 #[derive(Debug, Clone, Default)]
 pub struct ChunkCandidates {
-    /// Pairs within the chunk, in the row of one of the two.
+    /// Pairs within the chunk, each owned by one of the two.
     pub own: OuterList,
     /// Pairs with particles of other chunks.
     pub cross: OuterList,
@@ -41,7 +41,7 @@ pub fn find_candidates(
     let found: Vec<Found> = pool.map(chunks.len(), |chunk| find_from(spheres, cells, &chunks[chunk], skin));
     pool.map(chunks.len(), |chunk| {
         let range = &chunks[chunk];
-        let own = rows(range, found[chunk].own.iter().map(|pair| (pair.from, pair.to, pair.image)));
+        let own = OuterList::mixed(range, found[chunk].own.iter().map(|pair| (pair.from, pair.to, pair.image)));
         let mut cross: Vec<(u32, u32, u32)> = Vec::new();
         for pair in found.iter().flat_map(|found| &found.cross) {
             if range.contains(&(pair.from as usize)) {
@@ -50,7 +50,7 @@ pub fn find_candidates(
                 cross.push((pair.to, pair.from, Images::opposite(pair.image)));
             }
         }
-        ChunkCandidates { own, cross: rows(range, cross.into_iter()) }
+        ChunkCandidates { own, cross: OuterList::mixed(range, cross.into_iter()) }
     })
 }
 
@@ -82,21 +82,4 @@ fn find_from(spheres: &[Sphere], cells: &CellLevels, range: &Range<usize>, skin:
         }
     }
     found
-}
-
-/// Sorts (particle, partner, image) into rows, keeping the order within a row.
-fn rows(range: &Range<usize>, pairs: impl Iterator<Item = (u32, u32, u32)> + Clone) -> OuterList {
-    let first = range.start as u32;
-    let mut start = vec![0_u32; range.len() + 1];
-    pairs.clone().for_each(|(particle, ..)| start[(particle - first) as usize + 1] += 1);
-    (0..range.len()).for_each(|row| start[row + 1] += start[row]);
-    let mut next = start.clone();
-    let blank = Candidate { partner: 0, image: NO_IMAGE };
-    let mut candidates = vec![blank; start[range.len()] as usize];
-    for (particle, partner, image) in pairs {
-        let slot = &mut next[(particle - first) as usize];
-        candidates[*slot as usize] = Candidate { partner, image };
-        *slot += 1;
-    }
-    OuterList { start, candidates }
 }
