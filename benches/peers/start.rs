@@ -45,33 +45,43 @@ fn cell_by_cell(mut states: Vec<ParticleState>) -> Vec<ParticleState> {
     states
 }
 
-/// What `loose` becomes in `time` [s] of tollgate, steps of 20 us and a restitution of 0.1; kept while the scene file is the same.
+/// What `loose` becomes in `time` [s] of tollgate; kept while scene file and settings are the same.
 fn settled(scene: &Scene, tollgate: &Path, time: f64, loose: impl Fn() -> Vec<ParticleState>) -> Vec<ParticleState> {
-    let (folder, deck) = (scene.folder().join("start"), fs::read_to_string(scene.deck()).expect("a scene file"));
-    let (kept, dump) = (folder.join("scene.toml"), folder.join("start.dump"));
-    if !dump.exists() || fs::read_to_string(&kept).ok().as_ref() != Some(&deck) {
-        drop(fs::remove_dir_all(&folder));
-        fs::create_dir_all(&folder).expect("a folder under target/");
-        if scene.has_machine() {
-            mesh::write(&folder);
-        }
-        write_table(&folder.join("fill_bed.csv"), &loose());
-        fs::write(&kept, deck).expect("the scene file in its folder");
-        let calm = Scene { timestep: 20.0, ..*scene };
-        let mut settings = calm.settings((time * 1e6 / calm.timestep) as u64);
-        settings.push(("pair.grain-grain.restitution".into(), "0.1".into()));
-        if scene.has_machine() {
-            let floor = format!("[\"0 m\", \"0 m\", \"{} m\"]", mesh::OUTLET - 0.002);
-            settings.extend([("part.floor.point".into(), floor), ("part.paddle.motion".into(), "[]".into())]);
-        }
-        eprintln!("{}: settling the start state, once ...", scene.name);
-        let threads = std::thread::available_parallelism().map_or(1, |count| count.get() as u32);
-        let out = folder.join("out");
-        let (_, state) = run_scene(tollgate, &kept, &settings, threads, &out, &folder.join("start.log"));
-        fs::rename(state, &dump).expect("the settled state");
-        drop(fs::remove_dir_all(out));
+    let folder = scene.folder().join("start");
+    let (kept, dump) = (folder.join("made-of"), folder.join("start.dump"));
+    let settings = settling(scene, time);
+    let made_of = format!("{}\n{settings:?}\n", fs::read_to_string(scene.deck()).expect("a scene file"));
+    if dump.exists() && fs::read_to_string(&kept).ok().as_ref() == Some(&made_of) {
+        return last_state(&dump);
     }
+    eprintln!("{}: settling the start state, once ...", scene.name);
+    drop(fs::remove_dir_all(&folder));
+    fs::create_dir_all(&folder).expect("a folder under target/");
+    if scene.has_machine() {
+        mesh::write(&folder);
+    }
+    write_table(&folder.join("fill_bed.csv"), &loose());
+    let (file, out) = (folder.join("scene.toml"), folder.join("out"));
+    fs::copy(scene.deck(), &file).expect("the scene file in its folder");
+    let threads = std::thread::available_parallelism().map_or(1, |count| count.get() as u32);
+    let (_, state) = run_scene(tollgate, &file, &settings, threads, &out, &folder.join("start.log"));
+    fs::rename(state, &dump).expect("the settled state");
+    drop(fs::remove_dir_all(out));
+    fs::write(&kept, made_of).expect("what the state was made of");
     last_state(&dump)
+}
+
+/// Settings of the way into the packing, which does not matter: long steps, much dissipation, and deep overlaps on the way.
+fn settling(scene: &Scene, time: f64) -> Vec<(String, String)> {
+    let calm = Scene { timestep: 20.0, ..*scene };
+    let mut settings = calm.settings((time * 1e6 / calm.timestep) as u64);
+    settings.push(("pair.grain-grain.restitution".into(), "0.1".into()));
+    settings.push(("solver.overlap_limit".into(), "0.9".into()));
+    if scene.has_machine() {
+        let floor = format!("[\"0 m\", \"0 m\", \"{} m\"]", mesh::OUTLET - 0.002);
+        settings.extend([("part.floor.point".into(), floor), ("part.paddle.motion".into(), "[]".into())]);
+    }
+    settings
 }
 
 fn sphere(serial: usize, radius: f64, position: Vec3, velocity: Vec3) -> ParticleState {
