@@ -75,9 +75,9 @@ fn this_blade() -> Vec<Triangle> {
         vec3(along(0), along(1), along(2))
     };
     let mut triangles = Vec::new();
-    for axis in 0..3 {
+    for (axis, &far) in CUTS.iter().enumerate() {
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-        for side in [0, CUTS[axis]] {
+        for side in [0, far] {
             for cut in 0..CUTS[u] * CUTS[v] {
                 let corner = |du: u32, dv: u32| {
                     let mut cell = [side; 3];
