@@ -14,6 +14,7 @@ use tollgate::storage::StorageError;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub enum Code {
+    #[value(skip)]
     Tollgate,
     Liggghts,
     Lammps,
@@ -53,14 +54,14 @@ impl Code {
             Self::Lammps => ("lmp", "lammps"),
             Self::Yade => ("yade", "yade"),
         };
-        let missing = |package| Some(format!("{} is missing: apt-get install {package}", self.name()));
-        if !is_there(program)
-            || (self == Self::Yade && !(is_there(commands::PYTHON) && Path::new(YADE_MODULES).exists()))
-        {
-            return missing(package);
+        let has_modules = self != Self::Yade || (is_there(commands::PYTHON) && Path::new(YADE_MODULES).exists());
+        if !is_there(program) || !has_modules {
+            return Some(format!("{} is missing: apt-get install {package}", self.name()));
         }
-        let needs_mpi = threads > 1 && self != Self::Yade;
-        if needs_mpi && !is_there("mpirun") { missing("openmpi-bin") } else { None }
+        if threads > 1 && self != Self::Yade && !is_there("mpirun") {
+            return Some(format!("{} on several ranks: apt-get install openmpi-bin", self.name()));
+        }
+        None
     }
 
     /// Whether its law of damping is tollgate's own.

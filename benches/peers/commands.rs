@@ -49,13 +49,18 @@ pub fn liggghts(job: &Job) -> Command {
     } else {
         root().join("liggghts_inputs/settled_bed.in")
     };
-    of_lammps_family("liggghts", &deck, job, &[("bin", job.scene.bin)])
+    of_lammps_family("liggghts", &deck, job, &[("skin", job.scene.skins[0]), ("bin", job.scene.bin)])
 }
 
 /// LAMMPS likewise.
 pub fn lammps(job: &Job) -> Command {
     let [small, big] = job.scene.two_sizes.unwrap_or_default();
-    of_lammps_family("lmp", &deck("lammps_box.in"), job, &[("small", small), ("big", big)])
+    of_lammps_family(
+        "lmp",
+        &deck("lammps_box.in"),
+        job,
+        &[("skin", job.scene.skins[1]), ("small", small), ("big", big)],
+    )
 }
 
 fn of_lammps_family(program: &str, deck: &Path, job: &Job, own: &[(&str, f64)]) -> Command {
@@ -72,7 +77,6 @@ fn of_lammps_family(program: &str, deck: &Path, job: &Job, own: &[(&str, f64)]) 
     };
     set("steps", job.steps.to_string());
     set("step", format!("{:e}", scene.timestep * 1e-6));
-    set("skin", scene.skin.to_string());
     set("ranks", job.threads.to_string());
     for (axis, [edge, down]) in [["width", "down_x"], ["depth", "down_y"], ["height", "down_z"]].iter().enumerate() {
         set(edge, scene.size[axis].to_string());

@@ -86,45 +86,85 @@ impl Options {
     }
 }
 
+/// What was measured, and what could not be.
+#[derive(Debug, Default)]
+struct Results {
+    findings: Vec<Findings>,
+    /// One for each scene, in their order.
+    sections: Vec<String>,
+    /// What is not measured, with the reason.
+    missing: Vec<String>,
+    failed: bool,
+}
+
 fn main() -> ExitCode {
     let options = Options::parse();
-    let plan = options.plan();
+    let mut plan = options.plan();
+    let mut results = Results::default();
+    let cores = std::thread::available_parallelism().map_or(1, |count| count.get() as u32);
+    for threads in plan.threads.extract_if(.., |threads| *threads > cores) {
+        results.not_measured(format!("{threads} threads: this computer has {cores} cores"));
+    }
     let most = plan.threads.iter().copied().max().unwrap_or(1);
-    let missing: Vec<String> = plan.peers.iter().filter_map(|peer| peer.missing(most)).collect();
-    missing.iter().for_each(|line| println!("NOT MEASURED: {line}"));
-    let (mut all, mut sections, mut holds) = (Vec::new(), Vec::new(), true);
+    plan.peers.iter().filter_map(|peer| peer.missing(most)).for_each(|line| results.not_measured(line));
     for scene in SCENES.iter().filter(|scene| options.wants(scene.name, scene.only_by_name)) {
-        let findings = find_out(scene, &plan);
-        holds &= findings.checks.iter().all(check::Check::holds);
-        sections.push(findings.section());
-        println!("{}", sections[sections.len() - 1]);
-        all.push(findings);
+        match start::missing(scene) {
+            Some(line) => results.not_measured(line),
+            None => results.add_scene(scene, &plan),
+        }
     }
-    if options.wants(example::NAME, false) && Code::Liggghts.missing(1).is_none() {
-        let example = Example::measure(&plan);
-        holds &= example.holds();
-        sections.push(example.section());
-        println!("{}", sections[sections.len() - 1]);
+    if options.wants(example::NAME, false) {
+        results.add_example(&plan);
     }
-    let scaling = page::scaling(&all);
-    println!("{scaling}");
+    println!("{}", page::scaling(&results.findings));
     if options.write {
-        let text = [page::head(&all, &plan, &missing), sections.join("\n"), scaling].join("\n");
+        results.write(&plan);
+    }
+    if results.failed {
+        eprintln!("a check FAILED: see the tables");
+    }
+    if results.failed { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+impl Results {
+    fn not_measured(&mut self, line: String) {
+        println!("NOT MEASURED: {line}\n");
+        self.missing.push(line);
+    }
+
+    fn add_section(&mut self, section: String, holds: bool) {
+        println!("{section}");
+        self.sections.push(section);
+        self.failed |= !holds;
+    }
+
+    fn add_scene(&mut self, scene: &Scene, plan: &Plan) {
+        eprintln!("{}: start state ...", scene.name);
+        let count = start::prepare(scene, &plan.tollgate);
+        let measured = rounds::measure(scene, count, plan);
+        let checks = check::check(scene, count, plan, &measured);
+        let holds = checks.iter().all(check::Check::holds);
+        let findings = Findings { scene: *scene, measured, checks };
+        self.add_section(findings.section(), holds);
+        self.findings.push(findings);
+    }
+
+    fn add_example(&mut self, plan: &Plan) {
+        if !plan.peers.contains(&Code::Liggghts) {
+            return self.not_measured(format!("{}, which is compared with LIGGGHTS only", example::NAME));
+        }
+        if let Some(line) = Code::Liggghts.missing(1) {
+            return self.not_measured(format!("{}: {line}", example::NAME));
+        }
+        let example = Example::measure(plan);
+        self.add_section(example.section(), example.holds());
+    }
+
+    fn write(&self, plan: &Plan) {
+        let head = page::head(&self.findings, plan, &self.missing);
+        let text = [head, self.sections.join("\n"), page::scaling(&self.findings)].join("\n");
         let path = root().join("docs/performance.md");
         fs::write(&path, text.trim_end().to_owned() + "\n").expect("docs/performance.md");
         println!("written: {}", path.display());
     }
-    if holds {
-        return ExitCode::SUCCESS;
-    }
-    eprintln!("a check FAILED: see the tables");
-    ExitCode::FAILURE
-}
-
-fn find_out(scene: &Scene, plan: &Plan) -> Findings {
-    eprintln!("{}: start state ...", scene.name);
-    let count = start::prepare(scene, &plan.tollgate);
-    let measured = rounds::measure(scene, count, plan);
-    let checks = check::check(scene, count, plan, &measured);
-    Findings { scene: *scene, measured, checks }
 }

@@ -56,19 +56,17 @@ impl Findings {
     }
 
     fn settings(&self) -> String {
-        let Scene { skin, tried, yade_skin, two_sizes, .. } = self.scene;
-        let mut text = format!("Skin of LIGGGHTS and LAMMPS {} mm, the fastest of {tried}", skin * 1e3);
-        if self.scene.peers.contains(&Code::Yade) {
-            let _ = write!(text, "; YADE's verletDist {} mm", yade_skin * 1e3);
+        let Scene { skins, tried, bin, yade_skin, two_sizes, peers, .. } = self.scene;
+        let bins = if bin > 0.0 { format!(" with bins of {} mm", bin * 1e3) } else { String::new() };
+        let mut said = vec![format!("LIGGGHTS {} mm{bins}", skins[0] * 1e3)];
+        if peers.contains(&Code::Lammps) {
+            let lists = if two_sizes.is_some() { " with a list for each size (`multi`)" } else { "" };
+            said.push(format!("LAMMPS {} mm{lists}", skins[1] * 1e3));
         }
-        if two_sizes.is_some() {
-            let _ = write!(text, "; LAMMPS with a list for each size (`multi`), LIGGGHTS with bins of {}", self.bins());
+        if peers.contains(&Code::Yade) {
+            said.push(format!("YADE {} mm (`verletDist`)", yade_skin * 1e3));
         }
-        text + "; tollgate as its plan chooses."
-    }
-
-    fn bins(&self) -> String {
-        if self.scene.bin > 0.0 { format!("{} mm", self.scene.bin * 1e3) } else { "its own choice".into() }
+        format!("Skins: {}; tollgate as its plan chooses. Tried with LIGGGHTS and LAMMPS: {tried}.", said.join(", "))
     }
 
     /// By processor time for one thread, by wall time for more.
@@ -188,6 +186,9 @@ pub fn head(all: &[Findings], plan: &Plan, missing: &[String]) -> String {
         .map_or("unknown", |(_, name)| name);
     let cores = std::thread::available_parallelism().map_or(0, |count| count.get());
     let _ = writeln!(text, "- Processor: {model}, {cores} cores; {} rounds", plan.rounds);
+    let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load: Vec<&str> = load.split_whitespace().take(3).collect();
+    let _ = writeln!(text, "- Load at the end, means of 1, 5 and 15 minutes: {}", load.join(", "));
     for line in missing {
         let _ = writeln!(text, "- NOT MEASURED: {line}");
     }

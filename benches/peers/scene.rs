@@ -43,8 +43,8 @@ pub struct Scene {
     pub steps: Steps,
     /// Of YADE, which is ten times slower.
     pub yade_steps: Steps,
-    /// Neighbour skin of LIGGGHTS and LAMMPS [m], and which were tried.
-    pub skin: f64,
+    /// Neighbour skins of LIGGGHTS and of LAMMPS [m], and which were tried: the fastest in short runs.
+    pub skins: [f64; 2],
     pub tried: &'static str,
     /// Bins of LIGGGHTS [m]; 0: its own choice.
     pub bin: f64,
@@ -68,8 +68,8 @@ const BED_20K: Scene = Scene {
     timestep: 10.0,
     steps: Steps { short: 500, long: 3500 },
     yade_steps: Steps { short: 50, long: 350 },
-    skin: 0.5e-3,
-    tried: "0.3, 0.5, 0.8 and 1 mm",
+    skins: [0.3e-3, 0.3e-3],
+    tried: "0.2, 0.3, 0.5 and 0.8 mm",
     bin: 0.0,
     yade_skin: 1e-4,
     two_sizes: None,
@@ -81,7 +81,7 @@ pub const SCENES: [Scene; 7] = [
     BED_20K,
     Scene {
         name: "settled-bed-100k",
-        about: "100 000 spheres of 3 to 5 mm, likewise",
+        about: "100 000 spheres of 3 to 5 mm, settled in a closed box, 5 contacts each",
         start: Start::Bed(Bed::HUNDRED_THOUSAND),
         size: [0.170, 0.170, 0.480],
         steps: Steps { short: 100, long: 1100 },
@@ -105,7 +105,7 @@ pub const SCENES: [Scene; 7] = [
         size: [0.339, 0.339, 0.339],
         steps: Steps { short: 500, long: 8500 },
         yade_steps: Steps { short: 250, long: 2250 },
-        skin: 3e-3,
+        skins: [3e-3, 3e-3],
         tried: "1, 2, 3 and 4 mm",
         yade_skin: 1e-3,
         ..BED_20K
@@ -131,7 +131,8 @@ pub const SCENES: [Scene; 7] = [
         start: Start::TwoSizes,
         size: [0.080, 0.080, 0.200],
         steps: Steps { short: 500, long: 3500 },
-        skin: 0.3e-3,
+        bin: 5e-3,
+        tried: "0.1, 0.2, 0.3 and 0.5 mm",
         two_sizes: Some([2.1e-3, 20.1e-3]),
         ..BED_20K
     },

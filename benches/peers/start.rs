@@ -1,7 +1,7 @@
 //! Start states: made once, kept under `target/`, and handed to all codes as text with 17 digits.
 
 use crate::bed::Bed;
-use crate::code::last_state;
+use crate::code::{Code, last_state};
 use crate::commands::run_scene;
 use crate::mesh;
 use crate::scene::{Scene, Start};
@@ -16,6 +16,13 @@ use tollgate::math::{Vec3, vec3};
 use tollgate::particle::{ParticleId, ParticleState};
 
 const DENSITY: f64 = 2500.0;
+
+/// Why a scene has no start state, if so.
+pub fn missing(scene: &Scene) -> Option<String> {
+    let (Start::Bed(bed) | Start::Tiles(bed, _)) = scene.start else { return None };
+    let reason = Code::Liggghts.missing(1).filter(|_| !bed.folder().join("fill_bed.dump").exists());
+    reason.map(|reason| format!("{}, whose bed LIGGGHTS settles: {reason}", scene.name))
+}
 
 /// Makes the state where it is not there yet, and writes it in the codes' formats into the scene's folder; how many spheres.
 pub fn prepare(scene: &Scene, tollgate: &Path) -> usize {
