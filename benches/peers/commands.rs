@@ -76,7 +76,7 @@ fn of_lammps_family(program: &str, deck: &Path, job: &Job, own: &[(&str, f64)]) 
         command.args(["-var", name, &value]);
     };
     set("steps", job.steps.to_string());
-    set("step", format!("{:e}", scene.timestep * 1e-6));
+    set("step", scene.timestep_in_seconds());
     set("ranks", job.threads.to_string());
     for (axis, [edge, down]) in [["width", "down_x"], ["depth", "down_y"], ["height", "down_z"]].iter().enumerate() {
         set(edge, scene.size[axis].to_string());
@@ -93,7 +93,7 @@ pub fn yade(job: &Job) -> Command {
     let mut command = Command::new(PYTHON);
     command.arg(root().join("yade_scripts/box.py")).env("OMP_NUM_THREADS", job.threads.to_string());
     command.arg("--size").args(texts(job.scene.size)).arg("--down").args(texts(job.scene.down));
-    command.args(["--step", &format!("{:e}", job.scene.timestep * 1e-6), "--steps", &job.steps.to_string()]);
+    command.args(["--step", &job.scene.timestep_in_seconds(), "--steps", &job.steps.to_string()]);
     command.args(["--skin", &job.scene.yade_skin.to_string(), "--state"]);
     command
 }

@@ -43,16 +43,10 @@ impl Findings {
     }
 
     fn lengths(&self) -> String {
-        let mut said: Vec<String> = Vec::new();
-        for series in &self.measured {
-            let own = format!("{} - {} steps", series.steps.long, series.steps.short);
-            if said.is_empty() {
-                said.push(own);
-            } else if !said[0].starts_with(&own) && said.len() == 1 {
-                said.push(format!("{}: {own}", series.code.name()));
-            }
-        }
-        said.join(", ")
+        let of = |code: Code| self.measured.iter().find(|series| series.code == code);
+        let said = |series: &Series| format!("{} - {} steps", series.steps.long, series.steps.short);
+        let own = of(Code::Yade).map(|series| format!(", of YADE {}", said(series)));
+        of(Code::Tollgate).map_or_else(String::new, said) + &own.unwrap_or_default()
     }
 
     fn settings(&self) -> String {

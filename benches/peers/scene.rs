@@ -107,7 +107,7 @@ pub const SCENES: [Scene; 7] = [
         yade_steps: Steps { short: 250, long: 2250 },
         skins: [3e-3, 3e-3],
         tried: "1, 2, 3 and 4 mm",
-        yade_skin: 1e-3,
+        yade_skin: 3e-4,
         ..BED_20K
     },
     Scene {
@@ -141,6 +141,11 @@ pub const SCENES: [Scene; 7] = [
 impl Scene {
     pub fn size(&self) -> Vec3 {
         vec3(self.size[0], self.size[1], self.size[2])
+    }
+
+    /// As text, for it is the text that all codes must round alike.
+    pub fn timestep_in_seconds(&self) -> String {
+        format!("{}e-6", self.timestep)
     }
 
     /// Folder of its files under `target/`; survives between runs.
