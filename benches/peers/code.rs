@@ -87,7 +87,7 @@ impl Code {
         let [steps, count] = [job.steps, job.count as u64].map(|number| number.to_string());
         let done = match self {
             Self::Yade => format!("did {steps} steps with {count} spheres"),
-            _ => format!("for {steps} steps with {count} atoms"),
+            _ => format!("on {} procs for {steps} steps with {count} atoms", job.threads),
         };
         assert!(text.contains(&done), "{}: not \"{done}\" in {}", job.scene.name, log.display());
         (cost, state)

@@ -60,7 +60,7 @@ impl Findings {
         if peers.contains(&Code::Yade) {
             said.push(format!("YADE {} mm (`verletDist`)", yade_skin * 1e3));
         }
-        format!("Skins: {}; tollgate as its plan chooses. Tried with LIGGGHTS and LAMMPS: {tried}.", said.join(", "))
+        format!("Skins: {}; tollgate as its plan chooses. Tried in short runs: {tried}.", said.join(", "))
     }
 
     /// By processor time for one thread, by wall time for more.

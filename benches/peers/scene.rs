@@ -69,7 +69,7 @@ const BED_20K: Scene = Scene {
     steps: Steps { short: 500, long: 3500 },
     yade_steps: Steps { short: 50, long: 350 },
     skins: [0.3e-3, 0.3e-3],
-    tried: "0.2, 0.3, 0.5 and 0.8 mm",
+    tried: "both 0.2, 0.3, 0.5 and 0.8 mm",
     bin: 0.0,
     yade_skin: 1e-4,
     two_sizes: None,
@@ -106,7 +106,7 @@ pub const SCENES: [Scene; 7] = [
         steps: Steps { short: 500, long: 8500 },
         yade_steps: Steps { short: 250, long: 2250 },
         skins: [3e-3, 3e-3],
-        tried: "1, 2, 3 and 4 mm",
+        tried: "both 1, 2, 3 and 4 mm",
         yade_skin: 3e-4,
         ..BED_20K
     },
@@ -123,6 +123,7 @@ pub const SCENES: [Scene; 7] = [
         size: [0.140, 0.140, 0.620],
         steps: Steps { short: 500, long: 5500 },
         peers: &[Code::Liggghts],
+        tried: "LIGGGHTS 0.3, 0.5 and 0.8 mm, with its own bins and with those of 8.3 mm",
         ..BED_20K
     },
     Scene {
@@ -131,8 +132,9 @@ pub const SCENES: [Scene; 7] = [
         start: Start::TwoSizes,
         size: [0.080, 0.080, 0.200],
         steps: Steps { short: 500, long: 3500 },
-        bin: 5e-3,
-        tried: "0.1, 0.2, 0.3 and 0.5 mm",
+        skins: [0.8e-3, 0.3e-3],
+        bin: 3.5e-3,
+        tried: "LIGGGHTS 0.1 to 1.2 mm with bins of 2 to 20 mm, LAMMPS 0.1, 0.2, 0.3 and 0.5 mm",
         two_sizes: Some([2.1e-3, 20.1e-3]),
         ..BED_20K
     },
