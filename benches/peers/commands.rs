@@ -2,7 +2,7 @@
 
 use crate::code::Job;
 use crate::process::{Cost, timed};
-use crate::scene::{deck, root};
+use crate::scene::{Scene, deck, root};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -54,12 +54,13 @@ pub fn liggghts(job: &Job) -> Command {
 
 /// LAMMPS likewise.
 pub fn lammps(job: &Job) -> Command {
-    let [small, big] = job.scene.two_sizes.unwrap_or_default();
+    let Scene { dashpot, skins, two_sizes, .. } = *job.scene;
+    let [small, big] = two_sizes.unwrap_or_default();
     of_lammps_family(
         "lmp",
         &deck("lammps_box.in"),
         job,
-        &[("skin", job.scene.skins[1]), ("small", small), ("big", big)],
+        &[("skin", skins[1]), ("dashpot", dashpot), ("small", small), ("big", big)],
     )
 }
 

@@ -52,6 +52,8 @@ pub struct Scene {
     pub yade_skin: f64,
     /// Largest diameters [m] of the small and of all spheres, where there are two sizes far apart.
     pub two_sizes: Option<[f64; 2]>,
+    /// Dashpot of LAMMPS over that of the settled bed, see its deck: the same force as LIGGGHTS' at the overlaps and masses here.
+    pub dashpot: f64,
     pub peers: &'static [Code],
     /// Too long to be measured unasked.
     pub only_by_name: bool,
@@ -73,6 +75,7 @@ const BED_20K: Scene = Scene {
     bin: 0.0,
     yade_skin: 1e-4,
     two_sizes: None,
+    dashpot: 1.0,
     peers: ALL,
     only_by_name: false,
 };
@@ -108,6 +111,7 @@ pub const SCENES: [Scene; 7] = [
         skins: [3e-3, 3e-3],
         tried: "both 1, 2, 3 and 4 mm",
         yade_skin: 3e-4,
+        dashpot: 0.74, // overlaps of 70 um: (21 / 70)^0.25
         ..BED_20K
     },
     Scene {
@@ -135,6 +139,7 @@ pub const SCENES: [Scene; 7] = [
         skins: [0.8e-3, 0.3e-3],
         bin: 3.5e-3,
         tried: "LIGGGHTS 0.1 to 1.2 mm with bins of 2 to 20 mm, LAMMPS 0.1, 0.2, 0.3 and 0.5 mm",
+        dashpot: 4.8, // an eighth of the mass, half the radius, overlaps of 5 um
         two_sizes: Some([2.1e-3, 20.1e-3]),
         ..BED_20K
     },
