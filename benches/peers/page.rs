@@ -179,7 +179,7 @@ pub fn head(all: &[Findings], plan: &Plan, missing: &[String]) -> String {
         .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
         .map_or("unknown", |(_, name)| name);
     let cores = std::thread::available_parallelism().map_or(0, |count| count.get());
-    let _ = writeln!(text, "- Processor: {model}, {cores} cores; {} rounds", plan.rounds);
+    let _ = writeln!(text, "- Processor: {model}, {cores} cores; rounds: {}", plan.rounds);
     let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let load: Vec<&str> = load.split_whitespace().take(3).collect();
     let _ = writeln!(text, "- Load at the end, means of 1, 5 and 15 minutes: {}", load.join(", "));

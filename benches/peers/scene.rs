@@ -125,7 +125,9 @@ pub const SCENES: [Scene; 7] = [
         about: "12 000 spheres of 3 to 5 mm run out of a hopper of 8448 triangles, in which a paddle of 1568 turns with 60 rpm",
         start: Start::Hopper,
         size: [0.140, 0.140, 0.620],
-        steps: Steps { short: 500, long: 5500 },
+        // Not longer: the small differences between the codes' conventions grow in the flow. After 27 ms mean overlap and kinetic energy
+        // differ by 1 %, after 55 ms by 6 and 5 %; there tollgate in LIGGGHTS' conventions has 3.5 % less kinetic energy too.
+        steps: Steps { short: 250, long: 2750 },
         peers: &[Code::Liggghts],
         tried: "LIGGGHTS 0.3, 0.5 and 0.8 mm, with its own bins and with those of 8.3 mm",
         ..BED_20K
