@@ -12,7 +12,7 @@ use tollgate::run::{RunRequest, run as run_scene};
 pub fn run(bed: &Bed, start: &[ParticleState], steps: u64, threads: usize) -> Vec<ParticleState> {
     let folder = tempfile::tempdir_in(bed.folder()).unwrap();
     write_table(&folder.path().join("fill_bed.csv"), start);
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/scene.toml");
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/decks/box.toml");
     fs::copy(scene, folder.path().join("scene.toml")).unwrap();
     let out = folder.path().join("out");
     let request = RunRequest {
