@@ -31,6 +31,33 @@ pub struct Job<'a> {
     pub threads: u32,
     /// Spheres of the start state.
     pub count: usize,
+    /// Whose conventions tollgate follows; the others have their own.
+    pub conventions: Conventions,
+}
+
+/// Conventions of tollgate's laws, as its scenes name them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Conventions {
+    Tollgate,
+    Liggghts,
+}
+
+impl Job<'_> {
+    /// What tollgate is told beside the scene file: keys and values.
+    pub fn settings(&self) -> Vec<(String, String)> {
+        let mut settings = self.scene.settings(self.steps);
+        settings.push(("contact.compatibility".to_owned(), self.conventions.name().to_owned()));
+        settings
+    }
+}
+
+impl Conventions {
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tollgate => "tollgate",
+            Self::Liggghts => "liggghts",
+        }
+    }
 }
 
 const YADE_MODULES: &str = "/usr/lib/x86_64-linux-gnu/yade-double/py";
@@ -62,6 +89,14 @@ impl Code {
             return Some(format!("{} on several ranks: apt-get install openmpi-bin", self.name()));
         }
         None
+    }
+
+    /// Conventions with which tollgate is compared with it.
+    pub const fn conventions(self) -> Conventions {
+        match self {
+            Self::Liggghts => Conventions::Liggghts,
+            _ => Conventions::Tollgate,
+        }
     }
 
     /// Whether its law of damping is tollgate's own.

@@ -14,7 +14,7 @@ pub const PYTHON: &str = "/usr/bin/python3";
 pub fn tollgate(job: &Job, folder: &Path, log: &Path) -> (Cost, PathBuf) {
     let scene = folder.join("scene.toml");
     fs::copy(job.scene.deck(), &scene).expect("the scene file in its folder");
-    let (out, settings) = (folder.join("out"), job.scene.settings(job.steps));
+    let (out, settings) = (folder.join("out"), job.settings());
     let (cost, state) = run_scene(job.tollgate, &scene, &settings, job.threads, &out, log);
     let summary = fs::read_to_string(out.join("summary.json")).expect("summary.json");
     let summary: serde_json::Value = serde_json::from_str(&summary).expect("a summary in JSON");

@@ -1,7 +1,7 @@
 //! Alternating rounds: in each one every code makes its short run, then every code its long run. What lies between the two
 //! is the stepping loop; reading, set-up and writing cancel.
 
-use crate::code::{Code, Job};
+use crate::code::{Code, Conventions, Job};
 use crate::scene::{Scene, Steps};
 use std::path::{Path, PathBuf};
 
@@ -69,7 +69,14 @@ pub fn measure(scene: &Scene, count: usize, plan: &Plan) -> Vec<Series> {
 }
 
 fn one_round(scene: &Scene, count: usize, tollgate: &Path, group: &mut [Series]) {
-    let job = |series: &Series, steps| Job { scene, tollgate, steps, threads: series.threads, count };
+    let job = |series: &Series, steps| Job {
+        scene,
+        tollgate,
+        steps,
+        threads: series.threads,
+        count,
+        conventions: Conventions::Tollgate,
+    };
     let short: Vec<_> = group.iter().map(|series| series.code.run(&job(series, series.steps.short)).0).collect();
     for (series, short) in group.iter_mut().zip(short) {
         let (long, state) = series.code.run(&job(series, series.steps.long));

@@ -93,8 +93,10 @@ fn measure(simulation: &mut Simulation) -> f64 {
 fn bytes_per_particle() -> f64 {
     let records = size_of::<Sphere>() + size_of::<Velocity>() + size_of::<Load>() + size_of::<Acceleration>();
     let references = 2 * size_of::<[f64; 3]>() + size_of::<ParticleId>() + size_of::<f64>() + 2 * size_of::<u32>();
-    let pairs = OUTER_PAIRS * size_of::<Candidate>() as f64
-        + INNER_PAIRS * (size_of::<Candidate>() + size_of::<Memory>()) as f64;
+    // Of a pair: owner and candidate; then owner, partner, place in the outer list, R*, m* and memory.
+    let outer = size_of::<u32>() + size_of::<Candidate>();
+    let inner = 3 * size_of::<u32>() + 2 * size_of::<f64>() + size_of::<Memory>();
+    let pairs = OUTER_PAIRS * outer as f64 + INNER_PAIRS * inner as f64;
     // Lists are made anew beside the old ones.
     (records + references) as f64 + 2.0 * pairs
 }
