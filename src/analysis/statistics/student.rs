@@ -80,7 +80,13 @@ fn beta_fraction(a: f64, b: f64, x: f64) -> f64 {
 #[must_use]
 pub fn student_probability(t: f64, degrees: f64) -> f64 {
     let degrees = degrees.min(MOST_DEGREES);
-    let tail = 0.5 * incomplete_beta(0.5 * degrees, 0.5, degrees / (degrees + t * t));
+    let square = t * t;
+    let tail = if square < 1.0 {
+        // The same as 1 - I_{1-x}(1 / 2, degrees / 2), which keeps the digits of a small t that 1 - x would lose.
+        0.5 - 0.5 * incomplete_beta(0.5, 0.5 * degrees, square / (degrees + square))
+    } else {
+        0.5 * incomplete_beta(0.5 * degrees, 0.5, degrees / (degrees + square))
+    };
     if t < 0.0 { tail } else { 1.0 - tail }
 }
 
@@ -196,6 +202,15 @@ mod tests {
             assert!((found - expected).abs() < 1e-6, "t({probability}, {degrees}) = {found}, not {expected}");
             assert_eq!(student_quantile(1.0 - probability, degrees) + found, 0.0, "symmetric up to 1 - (1 - p)");
         }
+    }
+
+    #[test]
+    fn a_small_t_of_many_degrees_keeps_its_digits() {
+        // P - 1/2 = t f(0) (1 - t^2 / 6 + ...), f(0) = G((n + 1) / 2) / (sqrt(n pi) G(n / 2)), which is (1 - 1 / 4n) / sqrt(2 pi) for large n.
+        let (t, degrees) = (1e-4, 4e5);
+        let expected = t * (1.0 - 0.25 / degrees) / (2.0 * PI).sqrt();
+        // Terms left out: t^2 / 6 and 1 / 32 n^2. The front factor carries the rounding of ln G(2e5), 2e6 units of 1e-16.
+        assert_relative_eq!(student_probability(t, degrees) - 0.5, expected, max_relative = 5e-9);
     }
 
     proptest! {

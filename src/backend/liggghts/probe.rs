@@ -18,7 +18,7 @@ pub const KNOWN_VERSIONS: &str = "3.8.";
 /// How to get it.
 pub const HOW_TO_INSTALL: &str = "apt-get install liggghts";
 /// Longest that a program may take to say what it can do.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// What a deck is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
