@@ -117,6 +117,7 @@ impl Simulation {
             velocities: &self.particles.velocities,
             accelerations: &self.particles.accelerations,
             law: &self.law,
+            only_material: self.neighborhood.only_material,
             images: &self.neighborhood.images,
             timestep: self.setup.timestep,
             overlap_limit: self.setup.overlap_limit,

@@ -19,6 +19,8 @@ pub struct ContactScene<'a> {
     pub accelerations: &'a [Acceleration],
     /// Laws.
     pub law: &'a LawTable,
+    /// The particles' material, where all have the same: their pairs need no look-up then.
+    pub only_material: Option<u32>,
     /// Periodic images.
     pub images: &'a Images,
     /// Time step [s]; 0 where the memory must not move.

@@ -1,12 +1,11 @@
 //! The solver's knowledge of who is near whom, and when it must be renewed.
 
 use super::energy::Tally;
-use super::neighbor::cells::CellLevels;
-use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Bodies, Images, InnerList, Memory, Remembered};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
-use super::particles::{Particles, Sphere, Velocity};
+use super::neighbor::{cells::CellLevels, chunks::chunk_ranges};
+use super::particles::{Particles, Sphere, Velocity, only_material};
 use super::simulation::Simulation;
 use super::wall::Candidate;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
@@ -81,6 +80,8 @@ pub struct Neighborhood {
     pub(super) inner_reference: Vec<[f64; 3]>,
     /// Smallest radius [m]; infinite without particles.
     smallest_radius: f64,
+    /// The particles' material, where all have the same.
+    pub only_material: Option<u32>,
     /// Upper bounds on how far any particle has moved [m].
     moved_since_outer: f64,
     moved_since_inner: f64,
@@ -108,6 +109,7 @@ impl Neighborhood {
             outer_reference: Vec::new(),
             inner_reference: Vec::new(),
             smallest_radius: f64::INFINITY,
+            only_material: None,
             moved_since_outer: 0.0,
             moved_since_inner: 0.0,
             approached_walls: 0.0,
@@ -182,6 +184,7 @@ impl Neighborhood {
         self.chunks = ranges.into_iter().zip(found).map(chunk).collect();
         self.outer_reference = spheres.iter().map(|sphere| sphere.centre).collect();
         self.smallest_radius = spheres.iter().map(|sphere| sphere.radius).fold(f64::INFINITY, f64::min);
+        self.only_material = only_material(velocities);
         self.moved_since_outer = 0.0;
         self.generation += 1;
         self.prune_with(spheres, velocities, threads, |_, owner, candidate| {

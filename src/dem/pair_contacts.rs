@@ -61,7 +61,7 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
     #[inline(always)]
     #[must_use]
     pub fn new(scene: &'a ContactScene<'a>, first: usize, has_prescribed: bool) -> Self {
-        let single = scene.law.single_pair().as_ref().map(PairConstants::everywhere);
+        let single = scene.only_material.map(|material| PairConstants::everywhere(scene.law.pair(material, material)));
         Self { scene, first, has_prescribed, settings: scene.law.settings, single }
     }
 

@@ -262,3 +262,10 @@ impl Particles {
         1.0 / self.velocities[index].inverse_mass
     }
 }
+
+/// The material that all particles have, where it is one.
+#[must_use]
+pub fn only_material(velocities: &[Velocity]) -> Option<u32> {
+    let first = velocities.first()?.material;
+    velocities.iter().all(|velocity| velocity.material == first).then_some(first)
+}

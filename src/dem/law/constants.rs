@@ -182,12 +182,6 @@ impl LawTable {
         &self.constants[a as usize * self.materials + b as usize]
     }
 
-    /// The constants of the only pair, where the scene has one material: no look-up is needed then.
-    #[must_use]
-    pub fn single_pair(&self) -> Option<PairConstants> {
-        if let [only] = self.constants.as_slice() { Some(*only) } else { None }
-    }
-
     /// True where some pair has sliding friction.
     #[must_use]
     pub fn has_sliding_friction(&self) -> bool {
