@@ -96,7 +96,7 @@ impl<L: Lanes> Lost<L> {
         Self { slip: L::zero(), dashpot: L::zero(), rolling: L::zero(), law_residual: L::zero() }
     }
 
-    /// Books the losses of the first `count` lanes that `concerned` picks, in their order. `share` is the part that is booked here
+    /// Books the losses of the lanes that the bits of `concerned` pick, in their order. `share` is the part that is booked here
     /// (a pair computed by two chunks books one half in each).
     #[inline(always)]
     pub fn book(&self, share: f64, concerned: u16, tally: &mut Tally) {
