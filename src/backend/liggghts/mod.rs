@@ -33,7 +33,7 @@ use serde_json::{Value, json};
 /// Name of the backend in summaries.
 pub const NAME: &str = "liggghts";
 /// Counts changes of decks that may change a number of a result: part of every key.
-pub const NUMERICS_VERSION: u32 = 2;
+pub const NUMERICS_VERSION: u32 = 3;
 
 /// Columns of every particle dump of a deck, in this order.
 ///

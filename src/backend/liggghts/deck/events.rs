@@ -44,7 +44,10 @@ impl Events<'_> {
             return Ok(String::new());
         }
         let rest = (look - 1).to_string();
-        self.templates.fill("carry.in", &[("put_down", &self.text.put_down()), ("rest", &rest)])
+        let hold = self.templates.fill("hold.in", &[])?;
+        let set_up = self.templates.fill("set_up.in", &[("label", "put_down")])?;
+        let values = [("hold", &*hold), ("put_down", &*self.text.put_down()), ("rest", &*rest), ("set_up", &*set_up)];
+        self.templates.fill("carry.in", &values)
     }
 
     /// Everything between two batches but removals and the end.
@@ -66,7 +69,7 @@ impl Events<'_> {
         let mut text = String::new();
         for one in &wall.moves {
             let at = |step: u64, command: String| {
-                format!("if \"${{now}} == {step}\" then \"{command}\" \"variable set_up string yes\"\n")
+                format!("if \"${{now}} == {step}\" then \"{command}\" \"variable set_up equal 1\"\n")
             };
             if let Some(step) = one.until {
                 text.push_str(&at(step, end_of(wall, one)));

@@ -109,6 +109,8 @@ pub fn run_section(
             ("look", &look.to_string()),
             ("samples", &(schedule.cadence.hand_over / look).to_string()),
             ("variables", &events.variables(end)),
+            ("set_up", &templates.fill("set_up.in", &[("label", "ready")])?),
+            ("hold", &templates.fill("hold.in", &[])?),
             ("carry", &events.carry(look)?),
             ("define", &define),
             ("first_sample", &first),

@@ -5,7 +5,7 @@ use crate::storage::StorageError;
 use std::path::{Path, PathBuf};
 
 /// Our templates by file name.
-const OURS: [(&str, &str); 18] = [
+const OURS: [(&str, &str); 20] = [
     ("head.in", include_str!("../../../../templates/liggghts/head.in")),
     ("system.in", include_str!("../../../../templates/liggghts/system.in")),
     ("materials.in", include_str!("../../../../templates/liggghts/materials.in")),
@@ -22,6 +22,8 @@ const OURS: [(&str, &str); 18] = [
     ("run.in", include_str!("../../../../templates/liggghts/run.in")),
     ("removal.in", include_str!("../../../../templates/liggghts/removal.in")),
     ("event.in", include_str!("../../../../templates/liggghts/event.in")),
+    ("hold.in", include_str!("../../../../templates/liggghts/hold.in")),
+    ("set_up.in", include_str!("../../../../templates/liggghts/set_up.in")),
     ("carry.in", include_str!("../../../../templates/liggghts/carry.in")),
     ("rest.in", include_str!("../../../../templates/liggghts/rest.in")),
 ];
