@@ -1,37 +1,318 @@
 //! Threads for the chunks' work; what they compute never depends on how many there are.
+//!
+//! A time step hands work out three times, for some ten or hundred microseconds each. A thread that falls asleep in between wakes too
+//! late to be of use: these wait awake for a while. Measured in `docs/decisions/threads-that-wait-awake.md`.
 
-use rayon::prelude::*;
+use std::any::Any;
+use std::cell::UnsafeCell;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// How long a thread waits awake: longer than anything that a time step does in between on one thread, but for new lists and files.
+const AWAKE: Duration = Duration::from_micros(500);
+/// Looks at the ticket between two looks at the clock, when others may have the processor.
+const LOOKS: u32 = 64;
 
 /// A fixed number of threads.
-#[derive(Debug)]
 pub struct Threads {
-    pool: Option<rayon::ThreadPool>,
+    pool: Option<Pool>,
+}
+
+/// The threads besides the caller's own.
+struct Pool {
+    desk: Arc<Desk>,
+    workers: Vec<JoinHandle<()>>,
+    /// Held by who has handed work out.
+    busy: Mutex<()>,
+}
+
+/// Where work is handed out.
+struct Desk {
+    ticket: AtomicU64,
+    /// Items of the present round that are done.
+    done: AtomicUsize,
+    /// The present round's work. Changed only while no item of a round is taken and not done.
+    work: UnsafeCell<Option<Work>>,
+    /// What the first item that panicked said.
+    panic: Mutex<Option<Box<dyn Any + Send>>>,
+    /// Which workers sleep.
+    asleep: Vec<AtomicBool>,
+    closing: AtomicBool,
+}
+
+/// What to do with an item; it lives while the round does.
+type Work = *const (dyn Fn(usize) + Sync);
+
+// SAFETY: `work` is written by the holder of `busy` between rounds alone, and read by who has taken an item of the present one; what it
+// points to may be shared.
+unsafe impl Sync for Desk {}
+// SAFETY: as above.
+unsafe impl Send for Desk {}
+
+/// A round's number, how many items it has, and which is to be taken next.
+#[derive(Clone, Copy)]
+struct Ticket {
+    round: u32,
+    count: u16,
+    next: u16,
+}
+
+impl Ticket {
+    fn number(self) -> u64 {
+        u64::from(self.round) << 32 | u64::from(self.count) << 16 | u64::from(self.next)
+    }
+
+    const fn of(number: u64) -> Self {
+        Self { round: (number >> 32) as u32, count: (number >> 16) as u16, next: number as u16 }
+    }
+
+    const fn is_open(self) -> bool {
+        self.next < self.count
+    }
+}
+
+impl Desk {
+    fn ticket(&self) -> Ticket {
+        Ticket::of(self.ticket.load(Ordering::SeqCst))
+    }
+
+    /// Takes an item of the present round. Whoever has one keeps the round from ending.
+    fn take(&self) -> Option<usize> {
+        let mut ticket = self.ticket();
+        while ticket.is_open() {
+            let taken = Ticket { next: ticket.next + 1, ..ticket };
+            match self.ticket.compare_exchange(ticket.number(), taken.number(), Ordering::SeqCst, Ordering::SeqCst) {
+                Ok(_) => return Some(usize::from(ticket.next)),
+                Err(now) => ticket = Ticket::of(now),
+            }
+        }
+        None
+    }
+
+    /// Works on items while there are any.
+    fn serve(&self) {
+        while let Some(item) = self.take() {
+            // SAFETY: the round that the item is of lasts until it is done, and its work with it.
+            let work = unsafe { (*self.work.get()).map(|work| &*work) };
+            let outcome = catch_unwind(AssertUnwindSafe(|| work.iter().for_each(|work| work(item))));
+            if let Err(said) = outcome {
+                self.panic.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(said);
+            }
+            self.done.fetch_add(1, Ordering::SeqCst);
+        }
+    }
+
+    /// Serves until closed; sleeps where there has been nothing to do for a while.
+    fn attend(&self, number: usize) {
+        while !self.closing.load(Ordering::SeqCst) {
+            self.serve();
+            let wanted = || self.ticket().is_open() || self.closing.load(Ordering::SeqCst);
+            if !wait_awake(wanted, Some(AWAKE)) {
+                self.asleep[number].store(true, Ordering::SeqCst);
+                // Who opens a round does so before looking for sleepers: one of both sees the other.
+                if !wanted() {
+                    thread::park();
+                }
+                self.asleep[number].store(false, Ordering::SeqCst);
+            }
+        }
+    }
+}
+
+/// Waits awake until `holds`, for as long as said; true where it does.
+fn wait_awake(holds: impl Fn() -> bool, at_most: Option<Duration>) -> bool {
+    let started = Instant::now();
+    loop {
+        for _ in 0..LOOKS {
+            if holds() {
+                return true;
+            }
+            std::hint::spin_loop();
+        }
+        if at_most.is_some_and(|limit| started.elapsed() > limit) {
+            return false;
+        }
+        // There may be more threads than processors.
+        thread::yield_now();
+    }
+}
+
+impl Pool {
+    fn new(count: usize) -> Self {
+        let desk = Arc::new(Desk {
+            ticket: AtomicU64::new(0),
+            done: AtomicUsize::new(0),
+            work: UnsafeCell::new(None),
+            panic: Mutex::new(None),
+            asleep: (0..count).map(|_| AtomicBool::new(false)).collect(),
+            closing: AtomicBool::new(false),
+        });
+        let start = |number: usize| {
+            let desk = Arc::clone(&desk);
+            let name = format!("tollgate-{}", number + 1);
+            thread::Builder::new().name(name).spawn(move || desk.attend(number)).expect("the system starts threads")
+        };
+        let workers = (0..count).map(start).collect();
+        Self { desk, workers, busy: Mutex::new(()) }
+    }
+
+    /// `work` on the items 0 .. `count`, shared with the workers. Returns when all are done.
+    fn share(&self, count: u16, work: &(dyn Fn(usize) + Sync)) {
+        // Work that hands out work, or another caller: alone.
+        let Ok(held) = self.busy.try_lock() else { return (0..usize::from(count)).for_each(work) };
+        let desk = &*self.desk;
+        let work: *const (dyn Fn(usize) + Sync + '_) = work;
+        // SAFETY: the last round is over, so nobody looks at its work; this one's outlives it, since all items are waited for below.
+        unsafe { *desk.work.get() = Some(std::mem::transmute::<*const (dyn Fn(usize) + Sync + '_), Work>(work)) };
+        desk.done.store(0, Ordering::SeqCst);
+        let round = desk.ticket().round.wrapping_add(1);
+        desk.ticket.store(Ticket { round, count, next: 0 }.number(), Ordering::SeqCst);
+        self.wake();
+        desk.serve();
+        wait_awake(|| desk.done.load(Ordering::SeqCst) == usize::from(count), None);
+        let said = desk.panic.lock().unwrap_or_else(PoisonError::into_inner).take();
+        drop(held);
+        if let Some(said) = said {
+            resume_unwind(said);
+        }
+    }
+
+    fn wake(&self) {
+        let sleepers = self.workers.iter().zip(&self.desk.asleep);
+        sleepers.filter(|(_, asleep)| asleep.load(Ordering::SeqCst)).for_each(|(worker, _)| worker.thread().unpark());
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        self.desk.closing.store(true, Ordering::SeqCst);
+        self.wake();
+        for worker in self.workers.drain(..) {
+            // It cannot panic: what work says is caught.
+            drop(worker.join());
+        }
+    }
+}
+
+impl fmt::Debug for Threads {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let further = self.pool.as_ref().map_or(0, |pool| pool.workers.len());
+        formatter.debug_struct("Threads").field("count", &(further + 1)).finish()
+    }
 }
 
 impl Threads {
-    /// `count` threads; one means the caller's own.
+    /// `count` threads, the caller's own among them.
     ///
     /// # Panics
     /// When the system refuses to start threads.
     #[must_use]
     pub fn new(count: usize) -> Self {
-        let build = || rayon::ThreadPoolBuilder::new().num_threads(count).build().expect("the system starts threads");
-        Self { pool: (count > 1).then(build) }
+        Self { pool: (count > 1).then(|| Pool::new(count - 1)) }
     }
 
     /// `work(0)`, `work(1)`, ... `work(count - 1)`, in the order of the numbers.
-    pub fn map<R: Send>(&self, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
-        match &self.pool {
-            Some(pool) if count > 1 => pool.install(|| (0..count).into_par_iter().with_max_len(1).map(&work).collect()),
-            _ => (0..count).map(work).collect(),
-        }
+    ///
+    /// # Panics
+    /// Where `work` does.
+    pub fn map<R: Send + Sync>(&self, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
+        let pool = self.pool.as_ref().zip(u16::try_from(count).ok()).filter(|_| count > 1);
+        let Some((pool, items)) = pool else { return (0..count).map(work).collect() };
+        let results: Vec<OnceLock<R>> = (0..count).map(|_| OnceLock::new()).collect();
+        pool.share(items, &|item| {
+            // Every item is taken once.
+            drop(results[item].set(work(item)));
+        });
+        results.into_iter().filter_map(OnceLock::into_inner).collect()
     }
 
     /// `work` on every item.
+    ///
+    /// # Panics
+    /// Where `work` does.
     pub fn for_each<T: Send>(&self, items: Vec<T>, work: impl Fn(T) + Sync) {
-        match &self.pool {
-            Some(pool) if items.len() > 1 => pool.install(|| items.into_par_iter().with_max_len(1).for_each(&work)),
-            _ => items.into_iter().for_each(work),
+        if self.pool.is_none() {
+            return items.into_iter().for_each(work);
+        }
+        let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
+        self.map(items.len(), |number| {
+            let item = items[number].lock().unwrap_or_else(PoisonError::into_inner).take();
+            item.into_iter().for_each(&work);
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_done_once_and_in_its_place() {
+        for count in [1, 2, 3, 9] {
+            let threads = Threads::new(count);
+            for items in [0, 1, 2, 5, 100] {
+                let times: Vec<AtomicUsize> = (0..items).map(|_| AtomicUsize::new(0)).collect();
+                let found = threads.map(items, |item| {
+                    times[item].fetch_add(1, Ordering::Relaxed);
+                    item * item
+                });
+                assert_eq!(found, (0..items).map(|item| item * item).collect::<Vec<_>>());
+                assert!(times.iter().all(|times| times.load(Ordering::Relaxed) == 1));
+            }
+        }
+    }
+
+    #[test]
+    fn many_rounds_lose_nothing_with_sleep_in_between_too() {
+        let threads = Threads::new(3);
+        let sum = AtomicUsize::new(0);
+        for round in 0..20_000 {
+            threads.for_each(vec![1, 2, 3, 4], |item| {
+                sum.fetch_add(item, Ordering::Relaxed);
+            });
+            if round % 4000 == 0 {
+                thread::sleep(4 * AWAKE);
+            }
+        }
+        assert_eq!(sum.into_inner(), 200_000);
+    }
+
+    #[test]
+    fn several_work_at_the_same_time() {
+        let threads = Threads::new(2);
+        let here = AtomicUsize::new(0);
+        // Each of the two waits for the other: one thread alone would never come to an end.
+        threads.for_each(vec![(), ()], |()| {
+            here.fetch_add(1, Ordering::SeqCst);
+            assert!(wait_awake(|| here.load(Ordering::SeqCst) == 2, Some(Duration::from_secs(20))));
+        });
+    }
+
+    #[test]
+    fn work_may_hand_out_work_and_callers_may_be_several() {
+        let threads = Threads::new(2);
+        let inner = |item: usize| threads.map(3, |other| item + other).into_iter().sum::<usize>();
+        assert_eq!(threads.map(4, inner), [3, 6, 9, 12]);
+        thread::scope(|scope| {
+            let callers: Vec<_> = (0..4).map(|_| scope.spawn(|| threads.map(50, |item| item).len())).collect();
+            assert!(callers.into_iter().all(|caller| caller.join().unwrap() == 50));
+        });
+    }
+
+    #[test]
+    fn a_panic_comes_out_and_leaves_the_threads_fit() {
+        let threads = Threads::new(3);
+        for _ in 0..50 {
+            let outcome = catch_unwind(AssertUnwindSafe(|| {
+                threads.map(6, |item| assert!(item != 4, "item {item}"));
+            }));
+            let said = outcome.unwrap_err();
+            assert!(said.downcast_ref::<String>().unwrap().starts_with("item 4"));
+            assert_eq!(threads.map(3, |item| item), [0, 1, 2]);
         }
     }
 }
