@@ -106,12 +106,21 @@ impl Desk {
         }
     }
 
-    /// Serves until closed; sleeps where there has been nothing to do for a while.
+    /// Whether worker `number` has a part in a round of so many items: the caller takes one, each worker before it another.
+    const fn concerns(ticket: Ticket, number: usize) -> bool {
+        number + 1 < ticket.count as usize
+    }
+
+    /// Serves until closed; sleeps where there has been nothing to do for a while, and at once where rounds have too few items.
     fn attend(&self, number: usize) {
         while !self.closing.load(Ordering::SeqCst) {
             self.serve();
-            let wanted = || self.ticket().is_open() || self.closing.load(Ordering::SeqCst);
-            if !wait_awake(wanted, Some(AWAKE)) {
+            let wanted = || {
+                let ticket = self.ticket();
+                ticket.is_open() && Self::concerns(ticket, number) || self.closing.load(Ordering::SeqCst)
+            };
+            let patience = if Self::concerns(self.ticket(), number) { AWAKE } else { Duration::ZERO };
+            if !wait_awake(wanted, Some(patience)) {
                 self.asleep[number].store(true, Ordering::SeqCst);
                 // Who opens a round does so before looking for sleepers: one of both sees the other.
                 if !wanted() {
@@ -171,7 +180,7 @@ impl Pool {
         desk.done.store(0, Ordering::SeqCst);
         let round = desk.ticket().round.wrapping_add(1);
         desk.ticket.store(Ticket { round, count, next: 0 }.number(), Ordering::SeqCst);
-        self.wake();
+        self.wake(usize::from(count) - 1);
         desk.serve();
         wait_awake(|| desk.done.load(Ordering::SeqCst) == usize::from(count), None);
         let said = desk.panic.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -181,8 +190,9 @@ impl Pool {
         }
     }
 
-    fn wake(&self) {
-        let sleepers = self.workers.iter().zip(&self.desk.asleep);
+    /// Wakes those of the first `count` workers that sleep.
+    fn wake(&self, count: usize) {
+        let sleepers = self.workers.iter().zip(&self.desk.asleep).take(count);
         sleepers.filter(|(_, asleep)| asleep.load(Ordering::SeqCst)).for_each(|(worker, _)| worker.thread().unpark());
     }
 }
@@ -190,7 +200,7 @@ impl Pool {
 impl Drop for Pool {
     fn drop(&mut self) {
         self.desk.closing.store(true, Ordering::SeqCst);
-        self.wake();
+        self.wake(self.workers.len());
         for worker in self.workers.drain(..) {
             // It cannot panic: what work says is caught.
             drop(worker.join());
@@ -279,6 +289,22 @@ mod tests {
             }
         }
         assert_eq!(sum.into_inner(), 200_000);
+    }
+
+    #[test]
+    fn threads_beyond_the_number_of_items_sleep_while_the_others_work() {
+        let threads = Threads::new(9);
+        let asleep = || threads.pool.as_ref().unwrap().desk.asleep[1..].iter().all(|asleep| asleep.load(Ordering::SeqCst));
+        threads.map(9, |item| item);
+        let started = Instant::now();
+        let mut seen = 0;
+        // Rounds come much faster than who waits awake would fall asleep.
+        while seen < 1000 {
+            threads.map(2, |item| item);
+            seen = if asleep() { seen + 1 } else { 0 };
+            assert!(started.elapsed() < Duration::from_secs(20), "threads without work stay awake");
+        }
+        assert_eq!(threads.map(40, |item| item).len(), 40);
     }
 
     #[test]
