@@ -7,7 +7,7 @@ use std::any::Any;
 use std::cell::UnsafeCell;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -16,10 +16,17 @@ use std::time::{Duration, Instant};
 const AWAKE: Duration = Duration::from_micros(500);
 /// Looks at the ticket between two looks at the clock, when others may have the processor.
 const LOOKS: u32 = 64;
+/// Items that can be handed out one by one; of more, several go together.
+const SLOTS: usize = 256;
 
 /// A fixed number of threads.
+///
+/// Rounds go over the items there and back in turns, each thread over the same part of them as long as it is not behind: what a round
+/// leaves in a processor's cache, the next one finds there.
 pub struct Threads {
     pool: Option<Pool>,
+    /// Which way the next round without a pool goes.
+    back: AtomicBool,
 }
 
 /// The threads besides the caller's own.
@@ -33,6 +40,8 @@ struct Pool {
 /// Where work is handed out.
 struct Desk {
     ticket: AtomicU64,
+    /// The last round in which each item was taken.
+    taken: Vec<AtomicU32>,
     /// Items of the present round that are done.
     done: AtomicUsize,
     /// The present round's work. Changed only while no item of a round is taken and not done.
@@ -53,25 +62,38 @@ unsafe impl Sync for Desk {}
 // SAFETY: as above.
 unsafe impl Send for Desk {}
 
-/// A round's number, how many items it has, and which is to be taken next.
+/// A round's number, how many items it has, and how many of them are taken.
 #[derive(Clone, Copy)]
 struct Ticket {
     round: u32,
     count: u16,
-    next: u16,
+    taken: u16,
 }
 
 impl Ticket {
     fn number(self) -> u64 {
-        u64::from(self.round) << 32 | u64::from(self.count) << 16 | u64::from(self.next)
+        u64::from(self.round) << 32 | u64::from(self.count) << 16 | u64::from(self.taken)
     }
 
     const fn of(number: u64) -> Self {
-        Self { round: (number >> 32) as u32, count: (number >> 16) as u16, next: number as u16 }
+        Self { round: (number >> 32) as u32, count: (number >> 16) as u16, taken: number as u16 }
     }
 
     const fn is_open(self) -> bool {
-        self.next < self.count
+        self.taken < self.count
+    }
+
+    /// The items in the order in which thread `thread` of `threads` wants them: its own part, there or back, then those of the
+    /// others, from the end that they come to last.
+    fn wanted(self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
+        let (count, back) = (usize::from(self.count), self.round % 2 == 1);
+        let parts = threads.min(count);
+        let part = move |number: usize| number * count / parts..(number + 1) * count / parts;
+        (0..parts).flat_map(move |turn| {
+            let (items, backwards) = (part((thread + turn) % parts), back != (turn > 0));
+            let last = items.end + items.start;
+            items.map(move |item| if backwards { last - 1 - item } else { item })
+        })
     }
 }
 
@@ -80,22 +102,28 @@ impl Desk {
         Ticket::of(self.ticket.load(Ordering::SeqCst))
     }
 
-    /// Takes an item of the present round. Whoever has one keeps the round from ending.
-    fn take(&self) -> Option<usize> {
-        let mut ticket = self.ticket();
-        while ticket.is_open() {
-            let taken = Ticket { next: ticket.next + 1, ..ticket };
-            match self.ticket.compare_exchange(ticket.number(), taken.number(), Ordering::SeqCst, Ordering::SeqCst) {
-                Ok(_) => return Some(usize::from(ticket.next)),
-                Err(now) => ticket = Ticket::of(now),
-            }
+    /// Takes an item of the present round for a thread. Whoever has one keeps the round from ending.
+    fn take(&self, thread: usize) -> Option<usize> {
+        let ticket = self.ticket();
+        if !ticket.is_open() {
+            return None;
         }
-        None
+        let is_mine = |item: &usize| {
+            let last = self.taken[*item].load(Ordering::SeqCst);
+            // What was taken in a later round than this one is seen to be by the ticket; what is being taken in this one, by the exchange.
+            let is_free = last != ticket.round && self.ticket().round == ticket.round;
+            is_free
+                && self.taken[*item].compare_exchange(last, ticket.round, Ordering::SeqCst, Ordering::SeqCst).is_ok()
+        };
+        let item = ticket.wanted(thread, self.asleep.len() + 1).find(is_mine)?;
+        // Still the same round: it lasts until this item is done.
+        self.ticket.fetch_add(1, Ordering::SeqCst);
+        Some(item)
     }
 
     /// Works on items while there are any.
-    fn serve(&self) {
-        while let Some(item) = self.take() {
+    fn serve(&self, thread: usize) {
+        while let Some(item) = self.take(thread) {
             // SAFETY: the round that the item is of lasts until it is done, and its work with it.
             let work = unsafe { (*self.work.get()).map(|work| &*work) };
             let outcome = catch_unwind(AssertUnwindSafe(|| work.iter().for_each(|work| work(item))));
@@ -114,7 +142,7 @@ impl Desk {
     /// Serves until closed; sleeps where there has been nothing to do for a while, and at once where rounds have too few items.
     fn attend(&self, number: usize) {
         while !self.closing.load(Ordering::SeqCst) {
-            self.serve();
+            self.serve(number + 1);
             let wanted = || {
                 let ticket = self.ticket();
                 ticket.is_open() && Self::concerns(ticket, number) || self.closing.load(Ordering::SeqCst)
@@ -154,6 +182,7 @@ impl Pool {
     fn new(count: usize) -> Self {
         let desk = Arc::new(Desk {
             ticket: AtomicU64::new(0),
+            taken: (0..SLOTS).map(|_| AtomicU32::new(0)).collect(),
             done: AtomicUsize::new(0),
             work: UnsafeCell::new(None),
             panic: Mutex::new(None),
@@ -179,9 +208,13 @@ impl Pool {
         unsafe { *desk.work.get() = Some(std::mem::transmute::<*const (dyn Fn(usize) + Sync + '_), Work>(work)) };
         desk.done.store(0, Ordering::SeqCst);
         let round = desk.ticket().round.wrapping_add(1);
-        desk.ticket.store(Ticket { round, count, next: 0 }.number(), Ordering::SeqCst);
+        // Numbers come again after 2^32 rounds.
+        for slot in desk.taken[..usize::from(count)].iter().filter(|slot| slot.load(Ordering::SeqCst) == round) {
+            slot.store(round.wrapping_sub(1), Ordering::SeqCst);
+        }
+        desk.ticket.store(Ticket { round, count, taken: 0 }.number(), Ordering::SeqCst);
         self.wake(usize::from(count) - 1);
-        desk.serve();
+        desk.serve(0);
         wait_awake(|| desk.done.load(Ordering::SeqCst) == usize::from(count), None);
         let said = desk.panic.lock().unwrap_or_else(PoisonError::into_inner).take();
         drop(held);
@@ -222,20 +255,22 @@ impl Threads {
     /// When the system refuses to start threads.
     #[must_use]
     pub fn new(count: usize) -> Self {
-        Self { pool: (count > 1).then(|| Pool::new(count - 1)) }
+        Self { pool: (count > 1).then(|| Pool::new(count - 1)), back: AtomicBool::new(false) }
     }
 
-    /// `work(0)`, `work(1)`, ... `work(count - 1)`, in the order of the numbers.
+    /// `work(0)`, `work(1)`, ... `work(count - 1)`, in the order of the numbers; they are computed in any order.
     ///
     /// # Panics
     /// Where `work` does.
     pub fn map<R: Send + Sync>(&self, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
-        let pool = self.pool.as_ref().zip(u16::try_from(count).ok()).filter(|_| count > 1);
-        let Some((pool, items)) = pool else { return (0..count).map(work).collect() };
+        let Some(pool) = self.pool.as_ref().filter(|_| count > 1) else { return (0..count).map(work).collect() };
         let results: Vec<OnceLock<R>> = (0..count).map(|_| OnceLock::new()).collect();
-        pool.share(items, &|item| {
-            // Every item is taken once.
-            drop(results[item].set(work(item)));
+        let slots = count.min(SLOTS);
+        pool.share(slots as u16, &|slot| {
+            for item in (slot..count).step_by(slots) {
+                // Every item is taken once.
+                drop(results[item].set(work(item)));
+            }
         });
         results.into_iter().filter_map(OnceLock::into_inner).collect()
     }
@@ -246,7 +281,8 @@ impl Threads {
     /// Where `work` does.
     pub fn for_each<T: Send>(&self, items: Vec<T>, work: impl Fn(T) + Sync) {
         if self.pool.is_none() {
-            return items.into_iter().for_each(work);
+            let back = self.back.fetch_xor(true, Ordering::Relaxed);
+            return if back { items.into_iter().rev().for_each(work) } else { items.into_iter().for_each(work) };
         }
         let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
         self.map(items.len(), |number| {
@@ -264,7 +300,7 @@ mod tests {
     fn every_item_is_done_once_and_in_its_place() {
         for count in [1, 2, 3, 9] {
             let threads = Threads::new(count);
-            for items in [0, 1, 2, 5, 100] {
+            for items in [0, 1, 2, 5, 100, 1000] {
                 let times: Vec<AtomicUsize> = (0..items).map(|_| AtomicUsize::new(0)).collect();
                 let found = threads.map(items, |item| {
                     times[item].fetch_add(1, Ordering::Relaxed);
@@ -274,6 +310,20 @@ mod tests {
                 assert!(times.iter().all(|times| times.load(Ordering::Relaxed) == 1));
             }
         }
+    }
+
+    #[test]
+    fn threads_go_over_their_own_parts_there_and_back() {
+        let wanted = |round: u32, thread: usize| -> Vec<usize> {
+            Ticket { round, count: 4, taken: 0 }.wanted(thread, 2).collect()
+        };
+        assert_eq!(wanted(0, 0), [0, 1, 3, 2]);
+        assert_eq!(wanted(0, 1), [2, 3, 1, 0]);
+        assert_eq!(wanted(1, 0), [1, 0, 2, 3]);
+        assert_eq!(wanted(1, 1), [3, 2, 0, 1]);
+        // More threads than items: one each.
+        let first = |thread: usize| Ticket { round: 0, count: 3, taken: 0 }.wanted(thread, 9).next();
+        assert_eq!([0, 1, 2, 5].map(first), [Some(0), Some(1), Some(2), Some(2)]);
     }
 
     #[test]
@@ -294,7 +344,8 @@ mod tests {
     #[test]
     fn threads_beyond_the_number_of_items_sleep_while_the_others_work() {
         let threads = Threads::new(9);
-        let asleep = || threads.pool.as_ref().unwrap().desk.asleep[1..].iter().all(|asleep| asleep.load(Ordering::SeqCst));
+        let asleep =
+            || threads.pool.as_ref().unwrap().desk.asleep[1..].iter().all(|asleep| asleep.load(Ordering::SeqCst));
         threads.map(9, |item| item);
         let started = Instant::now();
         let mut seen = 0;

@@ -210,6 +210,9 @@ impl WallKernel<'_> {
         contacts: &mut Vec<WallContact>,
         scratch: &mut Scratch,
     ) {
+        let materials = self.scene.only_material.zip(self.walls.only_material());
+        let single =
+            materials.map(|(own, other)| PairConstants::everywhere(self.scene.law.pair(own, u32::from(other))));
         let mut held = 0;
         scratch.next.clear();
         scratch.taken.clear();
@@ -236,12 +239,12 @@ impl WallKernel<'_> {
                 let WallPoint { part, element, normal, .. } = point;
                 scratch.next.push(WallContact { particle, part, element, normal, memory });
                 if scratch.block.count == L::COUNT {
-                    self.compute::<L, FRICTION, ROLLING, ENERGY>(&mut scratch.block, &mut scratch.next);
+                    self.compute::<L, FRICTION, ROLLING, ENERGY>(&single, &mut scratch.block, &mut scratch.next);
                 }
             }
         }
         if scratch.block.count > 0 {
-            self.compute::<L, FRICTION, ROLLING, ENERGY>(&mut scratch.block, &mut scratch.next);
+            self.compute::<L, FRICTION, ROLLING, ENERGY>(&single, &mut scratch.block, &mut scratch.next);
         }
         if ENERGY && self.scene.law.is_linear() {
             let ended = contacts.iter().zip(&scratch.taken).filter(|(_, taken)| !**taken);
@@ -250,10 +253,12 @@ impl WallKernel<'_> {
         std::mem::swap(contacts, &mut scratch.next);
     }
 
-    /// Computes the contacts of a block, which are the last of the list, and empties it.
+    /// Computes the contacts of a block, which are the last of the list, and empties it; with the constants of the `single` pair of
+    /// materials that there is, else looked up lane by lane.
     #[inline(always)]
     fn compute<L: Lanes, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
         &mut self,
+        single: &Option<PairConstants<L>>,
         block: &mut WallBlock,
         contacts: &mut [WallContact],
     ) {
@@ -269,17 +274,24 @@ impl WallKernel<'_> {
         }
         let material = |lane: usize| scene.velocities[block.particles[lane] as usize].material;
         let walls = self.walls;
-        let pair = PairConstants::by_lane(|lane| {
-            scene.law.pair(material(lane), u32::from(walls.material(block.parts[lane.min(block.count - 1)])))
-        });
+        let several;
+        let pair = match single {
+            Some(pair) => pair,
+            None => {
+                several = PairConstants::by_lane(|lane| {
+                    scene.law.pair(material(lane), u32::from(walls.material(block.parts[lane.min(block.count - 1)])))
+                });
+                &several
+            }
+        };
         let mut held = Springs {
             tangential: LaneVector::read_from(&block.tangential, 0),
             rolling: LaneVector::read_from(&block.rolling, 0),
         };
         let settings = &scene.law.settings;
-        let stiffness = settings.stiffness(&pair, &touch.normal_contact());
+        let stiffness = settings.stiffness(pair, &touch.normal_contact());
         let result =
-            answer::<L, FRICTION, ROLLING, ENERGY>(settings, &pair, &stiffness, &touch, scene.timestep, &mut held);
+            answer::<L, FRICTION, ROLLING, ENERGY>(settings, pair, &stiffness, &touch, scene.timestep, &mut held);
         if FRICTION || ROLLING {
             (block.tangential, block.rolling) = (held.tangential.to_arrays(), held.rolling.to_arrays());
             let last = contacts.len() - block.count;

@@ -111,6 +111,13 @@ impl Walls {
         self.walls[usize::from(part)].material
     }
 
+    /// The material of the parts, where all have the same.
+    #[must_use]
+    pub fn only_material(&self) -> Option<u16> {
+        let first = self.walls.first()?.material;
+        self.walls.iter().all(|wall| wall.material == first).then_some(first)
+    }
+
     /// Angular velocity of a part [rad/s].
     #[must_use]
     pub fn spin(&self, part: u16) -> Vec3 {
