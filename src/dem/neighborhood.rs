@@ -86,7 +86,7 @@ pub struct Neighborhood {
     moved_since_outer: f64,
     moved_since_inner: f64,
     /// Upper bound on the approach of particles and parts since their candidates were collected [m].
-    approached_walls: f64,
+    pub(super) approached_walls: f64,
     /// How often the lists were made: the storage order is the same while it is.
     generation: u64,
 }

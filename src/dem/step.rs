@@ -102,6 +102,7 @@ impl Simulation {
             inertia_factor: self.setup.body.inertia_factor(),
         };
         let (scene, walls, simd) = (&scene, &self.walls, self.setup.simd);
+        let approached = self.neighborhood.approached_walls;
         let ranges: Vec<_> = self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect();
         let loads = split_at_chunks(&mut self.particles.loads, ranges.into_iter());
         let work: Vec<(&mut Chunk, &mut [Load])> = self.neighborhood.chunks.iter_mut().zip(loads).collect();
@@ -110,12 +111,24 @@ impl Simulation {
             chunk.part_loads.fill(PartLoad::default());
             chunk.tally = super::energy::Tally::default();
             match (terms.friction, terms.rolling, terms.energy) {
-                (false, _, false) => at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads }),
-                (false, _, true) => at_level(simd, ChunkLoads::<false, false, true> { scene, walls, chunk, loads }),
-                (true, false, false) => at_level(simd, ChunkLoads::<true, false, false> { scene, walls, chunk, loads }),
-                (true, false, true) => at_level(simd, ChunkLoads::<true, false, true> { scene, walls, chunk, loads }),
-                (true, true, false) => at_level(simd, ChunkLoads::<true, true, false> { scene, walls, chunk, loads }),
-                (true, true, true) => at_level(simd, ChunkLoads::<true, true, true> { scene, walls, chunk, loads }),
+                (false, _, false) => {
+                    at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads, approached })
+                }
+                (false, _, true) => {
+                    at_level(simd, ChunkLoads::<false, false, true> { scene, walls, chunk, loads, approached })
+                }
+                (true, false, false) => {
+                    at_level(simd, ChunkLoads::<true, false, false> { scene, walls, chunk, loads, approached })
+                }
+                (true, false, true) => {
+                    at_level(simd, ChunkLoads::<true, false, true> { scene, walls, chunk, loads, approached })
+                }
+                (true, true, false) => {
+                    at_level(simd, ChunkLoads::<true, true, false> { scene, walls, chunk, loads, approached })
+                }
+                (true, true, true) => {
+                    at_level(simd, ChunkLoads::<true, true, true> { scene, walls, chunk, loads, approached })
+                }
             }
         });
         self.sum_chunks(timestep);
@@ -170,6 +183,8 @@ struct ChunkLoads<'a, const FRICTION: bool, const ROLLING: bool, const ENERGY: b
     walls: &'a super::wall::Walls,
     chunk: &'a mut Chunk,
     loads: &'a mut [Load],
+    /// Of particles and parts since the candidates of parts were collected [m].
+    approached: f64,
 }
 
 impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
@@ -179,7 +194,7 @@ impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Self { scene, walls, chunk, loads } = self;
+        let Self { scene, walls, chunk, loads, approached } = self;
         let Chunk { range, own, cross, has_prescribed, near_walls, wall_contacts, springs, .. } = chunk;
         let (first, prescribed, tally) = (range.start, *has_prescribed, &mut chunk.tally);
         if ENERGY {
@@ -191,7 +206,7 @@ impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
         PairKernel::<L, false, FRICTION, ROLLING, ENERGY>::new(scene, first, prescribed)
             .add_loads(cross, loads, springs, tally);
         let part_loads = &mut chunk.part_loads;
-        WallKernel { scene, walls, first, loads, springs, part_loads, tally }
+        WallKernel { scene, walls, first, loads, springs, part_loads, tally, approached }
             .add_loads::<L, FRICTION, ROLLING, ENERGY>(near_walls, wall_contacts, &mut chunk.scratch);
     }
 }

@@ -39,6 +39,8 @@ pub struct WallCandidates {
     /// (storage index, first candidate, one past the last).
     rows: Vec<(u32, u32, u32)>,
     candidates: Vec<Candidate>,
+    /// What the approach of particles and parts must have reached before each can be touched [m].
+    due: Vec<f64>,
 }
 
 impl WallCandidates {
@@ -60,6 +62,7 @@ impl WallCandidates {
         if !found.is_empty() {
             let from = self.candidates.len() as u32;
             self.candidates.extend_from_slice(found);
+            self.due.resize(self.candidates.len(), 0.0);
             self.rows.push((index as u32, from, self.candidates.len() as u32));
         }
     }
@@ -198,6 +201,8 @@ pub struct WallKernel<'a> {
     pub part_loads: &'a mut [PartLoad],
     /// Losses.
     pub tally: &'a mut Tally,
+    /// Upper bound on the approach of particles and parts since the candidates were collected [m].
+    pub approached: f64,
 }
 
 impl WallKernel<'_> {
@@ -206,7 +211,7 @@ impl WallKernel<'_> {
     #[inline(always)]
     pub fn add_loads<L: Lanes, const FRICTION: bool, const ROLLING: bool, const ENERGY: bool>(
         &mut self,
-        near: &WallCandidates,
+        near: &mut WallCandidates,
         contacts: &mut Vec<WallContact>,
         scratch: &mut Scratch,
     ) {
@@ -222,9 +227,10 @@ impl WallKernel<'_> {
             if self.scene.velocities[particle as usize].path.is_prescribed() {
                 continue;
             }
-            scratch.points.clear();
-            let candidates = &near.candidates[from as usize..to as usize];
-            self.walls.contacts(candidates, &sphere.position(), sphere.radius, &mut scratch.points);
+            let here = from as usize..to as usize;
+            let (candidates, due) = (&near.candidates[here.clone()], &mut near.due[here]);
+            let (centre, approached) = (sphere.position(), self.approached);
+            self.walls.contacts_when_due(candidates, due, approached, &centre, sphere.radius, &mut scratch.points);
             if scratch.points.is_empty() {
                 continue;
             }

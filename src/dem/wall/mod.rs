@@ -12,6 +12,8 @@ use crate::geometry::tree::TriangleTree;
 use crate::geometry::triangle::Triangle;
 use crate::math::{Bounds, Vec3};
 
+/// Share of the radius by which a gap between sphere and element is taken to be smaller than it is: round-off of places is far less.
+const GAP_MARGIN: f64 = 1e-9;
 /// Distance over radius below which a centre lies in the surface itself, and the direction to the surface is noise.
 const IN_SURFACE: f64 = 1e-12;
 
@@ -47,6 +49,13 @@ pub struct WallPoint {
     pub overlap: f64,
     /// True where the element is touched inside, along its normal; false on its edge or corner.
     pub on_face: bool,
+}
+
+/// How a sphere and an element are to each other.
+enum Meeting {
+    Touch(WallPoint),
+    /// A lower bound of the gap between them [m]; 0 where none is known.
+    Apart(f64),
 }
 
 #[derive(Debug, Clone)]
@@ -187,18 +196,35 @@ impl Walls {
     /// Of each element the point closest to the centre counts; which of them are contacts of their own is decided by
     /// the rule of `footprint.rs`, within each part alone: two parts that meet are two bodies, each with its own material.
     pub fn contacts(&self, candidates: &[Candidate], centre: &Vec3, radius: f64, found: &mut Vec<WallPoint>) {
+        self.contacts_when_due(candidates, &mut vec![0.0; candidates.len()], 0.0, centre, radius, found);
+    }
+
+    /// As [`Walls::contacts`], where `approached` [m] bounds from above how far particles and parts have come closer to each other since
+    /// some time, and the sphere cannot touch a candidate before that has reached its number in `due` [m]; which is renewed.
+    pub fn contacts_when_due(
+        &self,
+        candidates: &[Candidate],
+        due: &mut [f64],
+        approached: f64,
+        centre: &Vec3,
+        radius: f64,
+        found: &mut Vec<WallPoint>,
+    ) {
         found.clear();
+        let mut due = due;
         for group in candidates.chunk_by(|a, b| a.part == b.part) {
+            let (here, rest) = due.split_at_mut(group.len());
+            due = rest;
             let wall = &self.walls[usize::from(group[0].part)];
-            if !wall.present {
+            if !wall.present || here.iter().all(|due| *due > approached) {
                 continue;
             }
             let start = found.len();
             let local = wall.to_body(centre);
-            for candidate in group {
-                if let Some(mut point) = wall.shape.touch(candidate.element, &local, radius) {
-                    point.part = candidate.part;
-                    found.push(point);
+            for (candidate, due) in group.iter().zip(here).filter(|(_, due)| **due <= approached) {
+                match wall.shape.touch(candidate.element, &local, radius) {
+                    Meeting::Touch(point) => found.push(WallPoint { part: candidate.part, ..point }),
+                    Meeting::Apart(gap) => *due = approached + gap,
                 }
             }
             footprint::keep_separate(found, start, radius);
@@ -298,9 +324,12 @@ impl Shape {
     }
 
     /// The point of one element closest to the centre of a sphere that overlaps it, all in body coordinates.
-    fn touch(&self, element: u32, centre: &Vec3, radius: f64) -> Option<WallPoint> {
+    fn touch(&self, element: u32, centre: &Vec3, radius: f64) -> Meeting {
         let (foot, fallback) = match self {
-            Self::Plane { point, normal } => return touch_plane(point, normal, centre, radius),
+            // Cheap to look at, and one that swings is not bound to any speed.
+            Self::Plane { point, normal } => {
+                return touch_plane(point, normal, centre, radius).map_or(Meeting::Apart(0.0), Meeting::Touch);
+            }
             Self::Frustum(frustum) => {
                 let side = if element == 0 { Side::Near } else { Side::Far };
                 (frustum.closest(centre, side), Fallback::Frustum(frustum, side))
@@ -310,21 +339,17 @@ impl Shape {
                 (triangle.closest(centre), Fallback::Triangle(triangle))
             }
         };
-        // the square first: most candidates are out of reach and cost no root
-        if foot.squared_distance >= radius * radius {
-            return None;
-        }
         let distance = foot.squared_distance.sqrt();
+        if foot.squared_distance >= radius * radius {
+            return Meeting::Apart((distance - radius - GAP_MARGIN * radius).max(0.0));
+        }
         let overlap = radius - distance;
         let normal = if distance > IN_SURFACE * radius { foot.offset / distance } else { fallback.normal(centre) };
-        (overlap > 0.0).then(|| WallPoint {
-            part: 0,
-            element,
-            point: centre + foot.offset,
-            normal,
-            overlap,
-            on_face: foot.on_face,
-        })
+        if overlap <= 0.0 {
+            return Meeting::Apart(0.0);
+        }
+        let point = centre + foot.offset;
+        Meeting::Touch(WallPoint { part: 0, element, point, normal, overlap, on_face: foot.on_face })
     }
 }
 

@@ -224,6 +224,41 @@ fn distinct_parts_are_contacts_of_their_own() {
 }
 
 #[test]
+fn candidates_that_are_not_due_are_not_missed() {
+    let rate = 0.5;
+    let turn = MotionKind::Rotate { origin: vec3(0.5, 0.5, 0.0), axis: Vec3::x(), rate };
+    let square = cut_square(40, 40, &Pose::IDENTITY);
+    let Surface::Mesh(swinging) = mesh(&square).surface else { unreachable!("a mesh") };
+    let plane = Surface::Plane { point: vec3(0.0, 0.0, -0.01), normal: Vec3::z() };
+    let mut walls = Walls::new(&[moving(Surface::Mesh(swinging), &[turn]), part(plane)]);
+    // A sphere that rolls to and fro on the mesh and hops a little.
+    let place = |time: f64| vec3(0.5 + 0.02 * (9.0 * time).sin(), 0.45, RADIUS * (0.97 + 0.05 * (40.0 * time).sin()));
+    let (mut candidates, mut due, mut approached) = (Vec::new(), Vec::new(), f64::INFINITY);
+    let (skin, step) = (0.5 * RADIUS, 1e-4);
+    let (mut expected, mut found, mut touches, mut looks, mut all) = (Vec::new(), Vec::new(), 0, 0, 0);
+    let mut last = place(0.0);
+    for number in 0..2000 {
+        let time = step * f64::from(number);
+        let centre = place(time);
+        walls.set_time(time);
+        approached += (centre - last).norm() + walls.speed_bound() * step;
+        last = centre;
+        if approached > skin {
+            walls.candidates(&centre, RADIUS + skin, &mut candidates);
+            (due, approached) = (vec![0.0; candidates.len()], 0.0);
+        }
+        looks += due.iter().filter(|due| **due <= approached).count();
+        all += due.len();
+        walls.contacts(&candidates, &centre, RADIUS, &mut expected);
+        walls.contacts_when_due(&candidates, &mut due, approached, &centre, RADIUS, &mut found);
+        assert_eq!(found, expected, "at {time} s");
+        touches += found.len();
+    }
+    assert!(touches > 400, "only {touches} contacts prove nothing");
+    assert!(looks * 2 < all, "{looks} looks at {all} candidates: nothing is saved");
+}
+
+#[test]
 fn a_centre_behind_a_plane_is_pushed_back() {
     let walls = Walls::new(&[part(Surface::Plane { point: vec3(0.0, 0.0, 1.0), normal: Vec3::z() })]);
     let found = touch(&walls, &vec3(0.3, 0.4, 0.9), RADIUS);
