@@ -1,12 +1,13 @@
 //! Frames of particles, parts and contacts, whoever computed them.
 
 use crate::geometry::frustum::Frustum;
+use crate::geometry::motion::Motion;
 use crate::geometry::part::{Part, Surface, TriangleMesh};
-use crate::math::Vec3;
+use crate::math::{Bounds, Vec3};
 use crate::output::lammps::{DumpWriter, FrameHeader};
 use crate::output::pvd::{Collection, Entry, frame_file};
 use crate::output::vtp::{ContactLine, MeshFrame, Precision, write_contacts, write_mesh, write_particles};
-use crate::particle::ParticleState;
+use crate::particle::{Body, ParticleState};
 use crate::scene::Scene;
 use crate::storage::staging::STAGING_SUFFIX;
 use crate::storage::{Column, StorageError};
@@ -48,13 +49,26 @@ pub struct PartLoad {
     pub power: f64,
 }
 
-/// The frames of a result folder.
+/// The frames of a result folder, with all of the scene that they show: it may be written by another thread than reads the scene.
 #[derive(Debug)]
 pub struct FrameFiles {
     folder: PathBuf,
     collection: Option<Collection>,
     dump: Option<DumpWriter>,
-    meshes: Vec<Option<TriangleMesh>>,
+    body: Body,
+    bounds: Bounds,
+    periodic: [bool; 3],
+    parts: Vec<DrawnPart>,
+}
+
+/// A part as it is drawn.
+#[derive(Debug)]
+struct DrawnPart {
+    /// Its number in the scene.
+    index: usize,
+    name: String,
+    motion: Motion,
+    mesh: TriangleMesh,
 }
 
 impl FrameFiles {
@@ -70,7 +84,10 @@ impl FrameFiles {
             folder: folder.to_path_buf(),
             collection: None,
             dump: None,
-            meshes: scene.parts.iter().map(drawable).collect(),
+            body: scene.body,
+            bounds: scene.domain.bounds,
+            periodic: scene.domain.periodic,
+            parts: scene.parts.iter().enumerate().filter_map(|(index, part)| DrawnPart::new(index, part)).collect(),
         };
         if scene.output.vtp {
             fs::create_dir_all(&frames).map_err(|source| StorageError::system("create", &frames, source))?;
@@ -93,14 +110,13 @@ impl FrameFiles {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn write(&mut self, scene: &Scene, frame: &Frame) -> Result<(), StorageError> {
+    pub fn write(&mut self, frame: &Frame) -> Result<(), StorageError> {
         if let Some(dump) = &mut self.dump {
-            let (bounds, periodic) = (scene.domain.bounds, scene.domain.periodic);
-            let header = FrameHeader { step: frame.step, time: None, bounds, periodic };
-            dump.add_frame(&header, frame.particles, Some(frame.forces), &scene.body)?;
+            let header = FrameHeader { step: frame.step, time: None, bounds: self.bounds, periodic: self.periodic };
+            dump.add_frame(&header, frame.particles, Some(frame.forces), &self.body)?;
         }
         if self.collection.is_some() {
-            let entries = self.write_vtp(scene, frame)?;
+            let entries = self.write_vtp(frame)?;
             if let Some(collection) = &mut self.collection {
                 collection.add_frame(entries)?;
             }
@@ -108,7 +124,7 @@ impl FrameFiles {
         Ok(())
     }
 
-    fn write_vtp(&self, scene: &Scene, frame: &Frame) -> Result<Vec<Entry>, StorageError> {
+    fn write_vtp(&self, frame: &Frame) -> Result<Vec<Entry>, StorageError> {
         let (step, time) = (frame.step, frame.time);
         let mut entries = Vec::new();
         let mut add = |name: &str, stem: &str| {
@@ -123,11 +139,10 @@ impl FrameFiles {
         };
         let columns: Vec<(&str, Column)> = frame.ghosts.iter().map(|ghosts| ("ghost", Column::from(ghosts))).collect();
         write_particles(&add("particles", "particles"), time, frame.particles, &columns, Precision::Single)?;
-        for (index, (part, mesh)) in scene.parts.iter().zip(&self.meshes).enumerate() {
-            let Some(mesh) = mesh.as_ref().filter(|_| frame.present[index]) else { continue };
-            let pose = part.motion.pose(time);
+        for DrawnPart { index, name, motion, mesh } in self.parts.iter().filter(|part| frame.present[part.index]) {
+            let pose = motion.pose(time);
             let vertices: Vec<Vec3> = mesh.vertices.iter().map(|vertex| pose.apply(vertex)).collect();
-            let load = frame.loads.get(index).copied();
+            let load = frame.loads.get(*index).copied();
             let values = load.map(|load| ([load.force], [load.torque], [load.power]));
             let columns: Vec<(&str, Column)> = match &values {
                 Some((force, torque, power)) => vec![
@@ -138,13 +153,13 @@ impl FrameFiles {
                 None => Vec::new(),
             };
             let frame = MeshFrame {
-                name: &part.name,
+                name,
                 vertices: &vertices,
                 triangles: &mesh.triangles,
                 triangle_columns: &[],
                 part_columns: &columns,
             };
-            write_mesh(&add(&part.name, &format!("{index}_{}", part.name)), time, &frame, Precision::Single)?;
+            write_mesh(&add(name, &format!("{index}_{name}")), time, &frame, Precision::Single)?;
         }
         if let Some(lines) = &frame.contacts {
             write_contacts(&add("contacts", "contacts"), time, lines, &[], Precision::Single)?;
@@ -173,13 +188,16 @@ fn step_of_frame(name: &str) -> Option<u64> {
     step.parse().ok()
 }
 
-/// A surface as triangles to look at; a plane has no border and is not drawn.
-fn drawable(part: &Part) -> Option<TriangleMesh> {
-    match &part.surface {
-        Surface::Plane { .. } => None,
-        Surface::Frustum { start, end, start_radius, end_radius } => {
-            Some(Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS))
-        }
-        Surface::Mesh(mesh) => Some(mesh.clone()),
+impl DrawnPart {
+    /// A part's surface as triangles to look at; a plane has no border and is not drawn.
+    fn new(index: usize, part: &Part) -> Option<Self> {
+        let mesh = match &part.surface {
+            Surface::Plane { .. } => return None,
+            Surface::Frustum { start, end, start_radius, end_radius } => {
+                Frustum::new(*start, *end, *start_radius, *end_radius).to_mesh(SEGMENTS)
+            }
+            Surface::Mesh(mesh) => mesh.clone(),
+        };
+        Some(Self { index, name: part.name.clone(), motion: part.motion.clone(), mesh })
     }
 }

@@ -2,6 +2,7 @@
 
 use super::energy::EnergyBudget;
 use super::meeting::ContactScene;
+use super::particles::Path;
 use super::seen::{SeenContact, look, overlap_ratio};
 use super::simulation::Simulation;
 use super::wall_contacts::{WallContact, look_at_walls};
@@ -94,9 +95,11 @@ impl Simulation {
         Some(self.particles.loads[index].force)
     }
 
-    /// Forces on all particles by their contacts at the last time step [N].
-    pub fn contact_forces(&self) -> impl Iterator<Item = (ParticleId, Vec3)> {
-        self.particles.ids.iter().copied().zip(self.particles.loads.iter().map(|load| load.force))
+    /// All particles in the order of storage: state, force by the contacts at the last time step [N], and how each moves.
+    pub fn stored_states(&self) -> impl ExactSizeIterator<Item = (ParticleState, Vec3, Path)> {
+        let particles = &self.particles;
+        let stored = |index| (particles.state(index), particles.loads[index].force, particles.velocities[index].path);
+        (0..particles.len()).map(stored)
     }
 
     /// Whether a part is there now.

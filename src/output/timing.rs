@@ -19,7 +19,7 @@ pub enum Phase {
     Feeds,
     /// Recording, ghosts and what else is done at gates.
     Gates,
-    /// Writing of files.
+    /// Writing of files, as far as the solver waits for it.
     Output,
     /// An external code at work.
     External,

@@ -107,6 +107,29 @@ impl Bench {
         panic!("every attempt ended before row {row}");
     }
 
+    /// The entries of a run's collection, in its order. Each file of it must be there and whole, and no other in the folder.
+    pub fn shown_files(&self, out: &str) -> Vec<Shown> {
+        let attribute = |line: &str, name: &str| {
+            let (_, rest) = line.split_once(&format!("{name}=\"")).unwrap();
+            rest.split_once('"').unwrap().0.to_owned()
+        };
+        let collection = self.text(&format!("{out}/frames.pvd"));
+        assert!(collection.ends_with("</VTKFile>\n"), "{collection}");
+        let entry = |line| {
+            let (time, name) = (attribute(line, "timestep").parse().unwrap(), attribute(line, "name"));
+            Shown { time, name, file: attribute(line, "file") }
+        };
+        let shown: Vec<Shown> = collection.lines().filter(|line| line.starts_with("<DataSet")).map(entry).collect();
+        for Shown { file, .. } in &shown {
+            let bytes = self.bytes(&format!("{out}/{file}"));
+            let text = String::from_utf8_lossy(&bytes);
+            assert!(text.starts_with("<?xml") && text.trim_end().ends_with("</VTKFile>"), "{file}");
+        }
+        let files = fs::read_dir(self.path(&format!("{out}/frames"))).unwrap().count();
+        assert_eq!(files, shown.len(), "frames that nothing refers to");
+        shown
+    }
+
     pub fn series(&self, out: &str) -> Series {
         Series::of(&self.text(&format!("{out}/series.csv")))
     }
@@ -122,6 +145,14 @@ impl Summary {
         let inserted = self.sum("/feeds", "inserted_count");
         assert_eq!(inserted, self.number("/stages/0/particles") + self.sum("/removed", "count"), "{:#}", self.0);
     }
+}
+
+/// An entry of a run's collection of frames.
+#[derive(Debug)]
+pub struct Shown {
+    pub time: f64,
+    pub name: String,
+    pub file: String,
 }
 
 /// A run's `series.csv`.

@@ -11,6 +11,7 @@ mod common;
 mod compare;
 mod exits;
 mod folders;
+mod frames;
 mod restart;
 mod scenes;
 mod stream;

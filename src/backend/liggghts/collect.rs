@@ -271,7 +271,7 @@ impl States<'_> {
                     loads: &[],
                     contacts: None,
                 };
-                files.write(self.scene, &frame)?;
+                files.write(&frame)?;
             }
             let path = frames.join(format!("{step}.bin"));
             if step != result.steps {

@@ -1,5 +1,6 @@
 //! Our own solver as a backend: makes it from a scene and its plan, drives it, writes what the scene asks for.
 
+mod background;
 pub mod calibrate;
 mod checkpoint_file;
 mod end;
@@ -209,6 +210,8 @@ impl Driver {
         self.series.write_due(simulation, scene)?;
         let step = simulation.steps_done();
         if self.checkpoint_every.is_some_and(|every| step > 0 && step.is_multiple_of(every)) {
+            // Who resumes from it counts on every frame up to it.
+            self.frames.wait()?;
             self.checkpoint.save(simulation, &self.end, &self.hand_over)?;
         }
         self.timing.add(Phase::Output, started.elapsed());
@@ -224,10 +227,11 @@ impl Driver {
         Ok(())
     }
 
-    /// Frame and row of the present state.
+    /// Frame and row of the present state; all frames are written afterwards.
     fn write_state(&mut self, simulation: &Simulation, scene: &Scene) -> Result<(), StorageError> {
         self.frames.write_last(simulation, scene)?;
-        self.series.write_last(simulation, scene)
+        self.series.write_last(simulation, scene)?;
+        self.frames.wait()
     }
 
     fn result(
