@@ -72,7 +72,7 @@ fn fall_of(scene: &Scene, feed: &Feed) -> (f64, String) {
         FeedKind::File { particles } => {
             let mut bounds = Bounds::EMPTY;
             let mut fastest = 0.0_f64;
-            for particle in particles {
+            for particle in particles.iter() {
                 bounds.include(&particle.position);
                 fastest = fastest.max(particle.velocity.norm_squared());
             }

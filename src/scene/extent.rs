@@ -29,7 +29,7 @@ pub(super) fn diameter_range(sizes: &SizeDistribution) -> (f64, f64) {
 pub(super) fn largest_diameter(classes: &[Located<Option<ParticleClass>>], feeds: &[Located<Feed>]) -> f64 {
     let classes = classes.iter().filter_map(|class| class.item.as_ref()).map(|c| diameter_range(&c.diameter).1);
     let files = feeds.iter().flat_map(|feed| match &feed.item.kind {
-        FeedKind::File { particles } => particles.as_slice(),
+        FeedKind::File { particles } => &particles[..],
         _ => &[],
     });
     classes.chain(files.map(|particle| 2.0 * particle.radius)).fold(0.0, f64::max)

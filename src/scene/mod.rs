@@ -79,7 +79,7 @@ impl Scene {
     pub fn largest_diameter(&self) -> f64 {
         let classes = self.classes.iter().map(|class| extent::diameter_range(&class.diameter).1);
         let files = self.feeds.iter().flat_map(|feed| match &feed.kind {
-            FeedKind::File { particles } => particles.as_slice(),
+            FeedKind::File { particles } => &particles[..],
             _ => &[],
         });
         classes.chain(files.map(|particle| 2.0 * particle.radius)).fold(0.0, f64::max)

@@ -18,7 +18,9 @@ pub use runner::{FeedRunner, FeedRunnerState, Occupancy};
 use crate::geometry::part::TriangleMesh;
 use crate::math::Vec3;
 use crate::particle::ParticleState;
-use serde::Serialize;
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
+use std::sync::Arc;
 
 /// A feed of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -34,7 +36,7 @@ impl Feed {
     /// of its particles.
     #[must_use]
     pub fn elsewhere(&self) -> Self {
-        Self { name: self.name.clone(), kind: FeedKind::File { particles: Vec::new() } }
+        Self { name: self.name.clone(), kind: FeedKind::File { particles: Arc::default() } }
     }
 }
 
@@ -77,9 +79,29 @@ pub enum FeedKind {
     },
     /// Particles from an initial-state file, all at time 0.
     File {
-        /// The particles, validated; ids set.
-        particles: Vec<ParticleState>,
+        /// The particles, validated; ids set. All who hold the feed share them, as there may be millions, and it is written down by
+        /// their number and a digest of their bits.
+        #[serde(serialize_with = "as_digest")]
+        particles: Arc<[ParticleState]>,
     },
+}
+
+/// Particles as their number and the blake3 digest of the bits of id, material, radius, density, position, velocity and spin, each
+/// particle's in turn.
+fn as_digest<S: Serializer>(particles: &Arc<[ParticleState]>, serializer: S) -> Result<S::Ok, S::Error> {
+    let mut hasher = blake3::Hasher::new();
+    for ParticleState { id, material, radius, density, position, velocity, spin } in particles.iter() {
+        hasher.update(&id.0.to_le_bytes());
+        hasher.update(&material.to_le_bytes());
+        let numbers = [radius, density].into_iter().chain(position).chain(velocity).chain(spin);
+        for number in numbers {
+            hasher.update(&number.to_le_bytes());
+        }
+    }
+    let mut digest = serializer.serialize_struct("InitialState", 2)?;
+    digest.serialize_field("count", &particles.len())?;
+    digest.serialize_field("blake3", hasher.finalize().to_hex().as_str())?;
+    digest.end()
 }
 
 /// An amount of particles.

@@ -10,6 +10,7 @@ use super::{Amount, Feed, FeedKind};
 use crate::math::Vec3;
 use crate::particle::{Body, ParticleClass, ParticleState};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// What a feed asks the solver: where there is room.
 pub trait Occupancy {
@@ -44,7 +45,7 @@ enum Progress {
 enum Source {
     Fill(Fill),
     Stream(Stream),
-    File { name: String, particles: Vec<ParticleState>, inserted: bool },
+    File { name: String, particles: Arc<[ParticleState]>, inserted: bool },
 }
 
 impl FeedRunner {
@@ -70,7 +71,7 @@ impl FeedRunner {
                     Stream::new(name, &feed.kind, queue(number, *class, *velocity)).map(Source::Stream)
                 }
                 FeedKind::File { particles } => {
-                    Some(Source::File { name, particles: particles.clone(), inserted: false })
+                    Some(Source::File { name, particles: Arc::clone(particles), inserted: false })
                 }
             }
         };
@@ -93,7 +94,7 @@ impl FeedRunner {
             if let Source::File { particles, inserted, .. } = feed
                 && !std::mem::replace(inserted, true)
             {
-                for particle in particles {
+                for particle in particles.iter() {
                     site.fresh.add(particle.position, particle.radius);
                     site.inserted.push(*particle);
                 }

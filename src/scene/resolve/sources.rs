@@ -141,7 +141,7 @@ fn file(reader: &Reader<'_>, context: &Context<'_>, number: usize) -> Option<Fee
         return None;
     }
     match initial_state::read(&path, u32::try_from(number).ok()?, &materials) {
-        Ok(particles) => Some(FeedKind::File { particles }),
+        Ok(particles) => Some(FeedKind::File { particles: particles.into() }),
         Err(InitialStateError::Unreadable { source, .. }) => {
             reader.report.error(
                 "initial-state",

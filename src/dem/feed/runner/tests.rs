@@ -225,7 +225,7 @@ fn two_feeds_of_one_step_and_a_file_do_not_overlap() {
     let kinds = vec![
         fill(cube(0.05), Amount::Count(300)),
         fill(cube(0.05), Amount::Count(300)),
-        FeedKind::File { particles: vec![from_file] },
+        FeedKind::File { particles: vec![from_file].into() },
     ];
     let mut feeds = runner(kinds, uniform(), Body::Sphere, 3);
     let new = feeds.insert(0.0, &World::default());
