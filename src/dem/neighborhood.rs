@@ -173,12 +173,12 @@ impl Neighborhood {
         held: &HeldMemory,
         threads: &super::threads::Threads,
     ) {
+        self.chunks.clear(); // What is worth keeping of them is in `held`: their memory is free for the new ones.
         self.cells = CellLevels::new(spheres, self.settings.skin, &self.settings.domain, self.settings.periodic);
         let ranges = chunk_ranges(spheres.len());
         let found = find_candidates(spheres, &self.cells, &ranges, self.settings.skin, threads);
-        let is_prescribed = |velocity: &Velocity| velocity.path.is_prescribed();
         let chunk = |(range, candidates): (Range<usize>, ChunkCandidates)| {
-            let has_prescribed = velocities[range.clone()].iter().any(is_prescribed);
+            let has_prescribed = velocities[range.clone()].iter().any(|velocity| velocity.path.is_prescribed());
             Chunk { range, candidates, has_prescribed, ..Chunk::default() }
         };
         self.chunks = ranges.into_iter().zip(found).map(chunk).collect();

@@ -12,22 +12,18 @@ pub struct HeldMemory {
 impl HeldMemory {
     /// Gathers the memories of `count` particles from the chunks' inner lists: (own pairs, cross pairs).
     #[must_use]
-    pub fn gather<'a>(count: usize, lists: impl Iterator<Item = (&'a InnerList, &'a InnerList)>) -> Self {
-        let mut found: Vec<(u32, u32, Memory)> = Vec::new();
-        for (own, cross) in lists {
-            collect(own, true, &mut found);
-            collect(cross, false, &mut found);
-        }
+    pub fn gather<'a>(count: usize, lists: impl Iterator<Item = (&'a InnerList, &'a InnerList)> + Clone) -> Self {
+        // Counted first and filled in afterwards: of millions of particles this is the largest thing while lists are made anew.
         let mut start = vec![0_u32; count + 1];
-        found.iter().for_each(|(particle, ..)| start[*particle as usize + 1] += 1);
+        for_each_memory(lists.clone(), |particle, _, _| start[particle as usize + 1] += 1);
         (0..count).for_each(|index| start[index + 1] += start[index]);
         let mut next = start.clone();
-        let mut entries = vec![(0, Memory::NONE); found.len()];
-        for (particle, partner, memory) in found {
+        let mut entries = vec![(0, Memory::NONE); start[count] as usize];
+        for_each_memory(lists, |particle, partner, memory| {
             let slot = &mut next[particle as usize];
             entries[*slot as usize] = (partner, memory);
             *slot += 1;
-        }
+        });
         Self { start, entries }
     }
 
@@ -42,12 +38,18 @@ impl HeldMemory {
     }
 }
 
-fn collect(list: &InnerList, both: bool, found: &mut Vec<(u32, u32, Memory)>) {
-    for (entry, particle, candidate) in list.pairs() {
-        let Some(memory) = list.memory.get(entry).filter(|memory| *memory != Memory::NONE) else { continue };
-        found.push((particle, candidate.partner, memory));
-        if both {
-            found.push((candidate.partner, particle, memory.mirrored()));
+/// Calls `visit` (particle, partner, memory) for every contact that remembers something, from both particles' side.
+fn for_each_memory<'a>(
+    lists: impl Iterator<Item = (&'a InnerList, &'a InnerList)>,
+    mut visit: impl FnMut(u32, u32, Memory),
+) {
+    for (list, both) in lists.flat_map(|(own, cross)| [(own, true), (cross, false)]) {
+        for (entry, particle, candidate) in list.pairs() {
+            let Some(memory) = list.memory.get(entry).filter(|memory| *memory != Memory::NONE) else { continue };
+            visit(particle, candidate.partner, memory);
+            if both {
+                visit(candidate.partner, particle, memory.mirrored());
+            }
         }
     }
 }
