@@ -68,24 +68,25 @@ pub fn write_particles(
     precision: Precision,
 ) -> Result<(), StorageError> {
     check_lengths(path, extra, particles.len(), "particles")?;
-    let positions = column(particles, |p| p.position);
-    let own: [NamedColumn; 8] = [
-        ("id", column(particles, |p| p.id.0)),
-        ("feed", column(particles, |p| p.id.feed())),
-        ("material", column(particles, |p| p.material)),
-        ("radius", column(particles, |p| p.radius)),
-        ("diameter", column(particles, |p| 2.0 * p.radius)),
-        ("density", column(particles, |p| p.density)),
-        ("velocity", column(particles, |p| p.velocity)),
-        ("spin", column(particles, |p| p.spin)),
+    let count = particles.len();
+    let mut point_arrays = vec![
+        Array::new("id", "UInt64", 1, count, || particles.iter().map(|p| p.id.0.to_le_bytes())),
+        Array::new("feed", "UInt32", 1, count, || particles.iter().map(|p| p.id.feed().to_le_bytes())),
+        Array::new("material", "UInt16", 1, count, || particles.iter().map(|p| p.material.to_le_bytes())),
+        Array::of_numbers("radius", particles, precision, |p| p.radius),
+        Array::of_numbers("diameter", particles, precision, |p| 2.0 * p.radius),
+        Array::of_numbers("density", particles, precision, |p| p.density),
+        Array::of_vectors("velocity", particles, precision, |p| p.velocity),
+        Array::of_vectors("spin", particles, precision, |p| p.spin),
     ];
+    point_arrays.extend(arrays(extra, precision));
     let piece = Piece {
         fields: vec![time_field(time)],
         active: r#" Scalars="radius" Vectors="velocity""#,
-        point_arrays: arrays(own.iter().chain(extra), precision),
+        point_arrays,
         cell_arrays: Vec::new(),
-        points: Array::of_column("Points", &positions, precision),
-        cells: Some(Cells { kind: "Verts", nodes: Nodes::Each(particles.len()) }),
+        points: Array::of_vectors("Points", particles, precision, |p| p.position),
+        cells: Some(Cells { kind: "Verts", nodes: Nodes::Each(count) }),
     };
     piece.write(path)
 }
@@ -101,15 +102,14 @@ pub fn write_mesh(path: &Path, time: f64, mesh: &MeshFrame, precision: Precision
     if let Some(triangle) = mesh.triangles.iter().find(|triangle| triangle.iter().any(|&v| v as usize >= count)) {
         return Err(StorageError::mismatch(path, format!("triangle {triangle:?} of {count} vertices")));
     }
-    let positions = Column::from(mesh.vertices);
     let mut fields = vec![time_field(time), text_field("part_name", mesh.name)];
     fields.extend(mesh.part_columns.iter().map(|(name, column)| number_field(name, column)));
     let piece = Piece {
         fields,
         active: "",
         point_arrays: Vec::new(),
-        cell_arrays: arrays(mesh.triangle_columns.iter(), precision),
-        points: Array::of_column("Points", &positions, precision),
+        cell_arrays: arrays(mesh.triangle_columns, precision).collect(),
+        points: Array::of_vectors("Points", mesh.vertices, precision, |vertex| *vertex),
         cells: Some(Cells { kind: "Polys", nodes: Nodes::Triangles(mesh.triangles) }),
     };
     piece.write(path)
@@ -129,31 +129,25 @@ pub fn write_contacts(
 ) -> Result<(), StorageError> {
     check_lengths(path, extra, contacts.len(), "contacts")?;
     let ends: Vec<Vec3> = contacts.iter().flat_map(|contact| [contact.start, contact.end]).collect();
-    let positions = Column::from(ends);
-    // The normal points from i to j, so a force on i along it would be attraction.
-    let own: [NamedColumn; 5] = [
-        ("force", column(contacts, |c| c.force)),
-        ("normal_force", column(contacts, |c| -c.force.dot(&c.normal))),
-        ("tangential_force", column(contacts, |c| (c.force - c.normal * c.force.dot(&c.normal)).norm())),
-        ("overlap", column(contacts, |c| c.overlap)),
-        ("normal", column(contacts, |c| c.normal)),
+    let tangential = |c: &ContactLine| (c.force - c.normal * c.force.dot(&c.normal)).norm();
+    let mut cell_arrays = vec![
+        Array::of_vectors("force", contacts, precision, |c| c.force),
+        // The normal points from i to j, so a force on i along it would be attraction.
+        Array::of_numbers("normal_force", contacts, precision, |c| -c.force.dot(&c.normal)),
+        Array::of_numbers("tangential_force", contacts, precision, tangential),
+        Array::of_numbers("overlap", contacts, precision, |c| c.overlap),
+        Array::of_vectors("normal", contacts, precision, |c| c.normal),
     ];
+    cell_arrays.extend(arrays(extra, precision));
     let piece = Piece {
         fields: vec![time_field(time)],
         active: r#" Scalars="normal_force" Vectors="force""#,
         point_arrays: Vec::new(),
-        cell_arrays: arrays(own.iter().chain(extra), precision),
-        points: Array::of_column("Points", &positions, precision),
+        cell_arrays,
+        points: Array::of_vectors("Points", &ends, precision, |end| *end),
         cells: Some(Cells { kind: "Lines", nodes: Nodes::Pairs(contacts.len()) }),
     };
     piece.write(path)
-}
-
-fn column<'a, T, V>(items: &[T], value: impl Fn(&T) -> V) -> Column<'a>
-where
-    Column<'a>: From<Vec<V>>,
-{
-    Column::from(items.iter().map(value).collect::<Vec<V>>())
 }
 
 fn check_lengths(path: &Path, columns: &[NamedColumn], length: usize, what: &str) -> Result<(), StorageError> {
@@ -166,8 +160,8 @@ fn check_lengths(path: &Path, columns: &[NamedColumn], length: usize, what: &str
     }
 }
 
-fn arrays<'a>(columns: impl Iterator<Item = &'a NamedColumn<'a>>, precision: Precision) -> Vec<Array<'a>> {
-    columns.map(|(name, column)| Array::of_column(name, column, precision)).collect()
+fn arrays<'a>(columns: &'a [NamedColumn<'a>], precision: Precision) -> impl Iterator<Item = Array<'a>> {
+    columns.iter().map(move |(name, column)| Array::of_column(name, column, precision))
 }
 
 /// Readers take the frame's time from a field array of this name.
@@ -247,33 +241,54 @@ impl<'a> Array<'a> {
         Self { name, kind, components, bytes, write: Box::new(write) }
     }
 
+    /// A number of each item; worked out while it is written, as there may be millions.
+    fn of_numbers<T>(
+        name: &'a str,
+        items: &'a [T],
+        precision: Precision,
+        number: impl Fn(&T) -> f64 + Copy + 'a,
+    ) -> Self {
+        let (count, numbers) = (items.len(), move || items.iter().map(number));
+        match precision {
+            Precision::Double => Self::new(name, "Float64", 1, count, move || numbers().map(f64::to_le_bytes)),
+            Precision::Single => {
+                Self::new(name, "Float32", 1, count, move || numbers().map(|number| (number as f32).to_le_bytes()))
+            }
+        }
+    }
+
+    /// The same of a vector of each item.
+    fn of_vectors<T>(
+        name: &'a str,
+        items: &'a [T],
+        precision: Precision,
+        vector: impl Fn(&T) -> Vec3 + Copy + 'a,
+    ) -> Self {
+        let components = move || items.iter().flat_map(move |item| vector(item).data.0[0]);
+        match precision {
+            Precision::Double => Self::new(name, "Float64", 3, items.len(), move || components().map(f64::to_le_bytes)),
+            Precision::Single => {
+                let narrow = |component| (component as f32).to_le_bytes();
+                Self::new(name, "Float32", 3, items.len(), move || components().map(narrow))
+            }
+        }
+    }
+
     fn of_column(name: &'a str, column: &'a Column<'a>, precision: Precision) -> Self {
         let count = column.len();
-        match (column, precision) {
-            (Column::F64(values), Precision::Double) => {
-                Self::new(name, "Float64", 1, count, || values.iter().map(|value| value.to_le_bytes()))
-            }
-            (Column::F64(values), Precision::Single) => {
-                Self::new(name, "Float32", 1, count, || values.iter().map(|value| (*value as f32).to_le_bytes()))
-            }
-            (Column::Vec3(values), Precision::Double) => {
-                Self::new(name, "Float64", 3, count, || values.iter().flatten().map(|value| value.to_le_bytes()))
-            }
-            (Column::Vec3(values), Precision::Single) => Self::new(name, "Float32", 3, count, || {
-                values.iter().flatten().map(|value| (*value as f32).to_le_bytes())
-            }),
-            (Column::U64(values), _) => {
+        match column {
+            Column::F64(values) => Self::of_numbers(name, values, precision, |value| *value),
+            Column::Vec3(values) => Self::of_vectors(name, values, precision, |value| *value),
+            Column::U64(values) => {
                 Self::new(name, "UInt64", 1, count, || values.iter().map(|value| value.to_le_bytes()))
             }
-            (Column::U32(values), _) => {
+            Column::U32(values) => {
                 Self::new(name, "UInt32", 1, count, || values.iter().map(|value| value.to_le_bytes()))
             }
-            (Column::U16(values), _) => {
+            Column::U16(values) => {
                 Self::new(name, "UInt16", 1, count, || values.iter().map(|value| value.to_le_bytes()))
             }
-            (Column::U8(values), _) => {
-                Self::new(name, "UInt8", 1, count, || values.iter().map(|value| value.to_le_bytes()))
-            }
+            Column::U8(values) => Self::new(name, "UInt8", 1, count, || values.iter().map(|value| value.to_le_bytes())),
         }
     }
 
