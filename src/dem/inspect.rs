@@ -168,9 +168,17 @@ impl Simulation {
         }
     }
 
-    /// All contacts at the present time, sorted.
+    /// All contacts at the present time, by i, then j.
     #[must_use]
     pub fn contacts(&self) -> Vec<ContactRecord> {
+        let mut records = self.stored_contacts();
+        records.sort_by_key(|record| (record.i, record.j));
+        records
+    }
+
+    /// All contacts at the present time, in the order of the lists.
+    #[must_use]
+    pub fn stored_contacts(&self) -> Vec<ContactRecord> {
         let mut records = Vec::new();
         self.for_each_contact(|index, partner, point, seen| {
             let id = self.particles.ids[index];
@@ -189,8 +197,22 @@ impl Simulation {
                 force: seen.force * sign,
             });
         });
-        records.sort_by_key(|record| (record.i, record.j));
         records
+    }
+
+    /// Who touches whom: i and j of [`Simulation::contacts`], in the same order.
+    #[must_use]
+    pub fn touching(&self) -> Vec<(ParticleId, Partner)> {
+        let mut touching = Vec::new();
+        self.for_each_contact(|index, partner, _, _| {
+            let id = self.particles.ids[index];
+            touching.push(match partner {
+                Partner::Particle(other) if other < id => (other, Partner::Particle(id)),
+                _ => (id, partner),
+            });
+        });
+        touching.sort_unstable();
+        touching
     }
 
     /// Number and depth of all contacts at the present time, without their forces.

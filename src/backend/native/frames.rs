@@ -78,6 +78,7 @@ struct Snapshot {
     paths: Option<Vec<Motion>>,
     present: Vec<bool>,
     loads: Vec<PartLoad>,
+    /// In the order of the lists.
     contacts: Option<Vec<ContactRecord>>,
 }
 
@@ -102,7 +103,7 @@ impl Snapshot {
             paths,
             present: (0..simulation.setup().parts.len()).map(|part| simulation.is_present(part as u16)).collect(),
             loads: loads.map(|load| PartLoad { force: load.force, torque: load.torque, power: load.power }).collect(),
-            contacts: with_contacts.then(|| simulation.contacts()),
+            contacts: with_contacts.then(|| simulation.stored_contacts()),
         }
     }
 
@@ -134,8 +135,9 @@ fn ghost_number(path: Motion) -> u8 {
     if path.is_prescribed() { 1 } else { 2 * u8::from(path == Motion::Tethered) }
 }
 
-/// Contacts as lines; `particles` stand by ascending identity.
-fn contact_lines(particles: &[ParticleState], contacts: Vec<ContactRecord>) -> Vec<ContactLine> {
+/// Contacts as lines, by ascending identities as `particles` are.
+fn contact_lines(particles: &[ParticleState], mut contacts: Vec<ContactRecord>) -> Vec<ContactLine> {
+    contacts.sort_by_key(|contact| (contact.i, contact.j));
     let place = |id: ParticleId| {
         let found = particles.binary_search_by_key(&id, |particle| particle.id);
         particles[found.expect("who is in contact is there")].position

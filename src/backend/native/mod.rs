@@ -252,10 +252,10 @@ impl Driver {
         let wall = started.elapsed();
         self.timing.close(wall);
         let (mut contacts, mut wall_contacts) = (Vec::new(), Vec::new());
-        for record in simulation.contacts() {
-            match record.j {
-                Partner::Particle(other) => contacts.push((record.i, other)),
-                Partner::Part { .. } => wall_contacts.push(record.i),
+        for (i, j) in simulation.touching() {
+            match j {
+                Partner::Particle(other) => contacts.push((i, other)),
+                Partner::Part { .. } => wall_contacts.push(i),
             }
         }
         Ok(StageResult {
