@@ -12,6 +12,7 @@ mod compare;
 mod exits;
 mod folders;
 mod frames;
+mod memory;
 mod restart;
 mod scenes;
 mod stream;
