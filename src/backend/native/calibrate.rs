@@ -20,6 +20,8 @@ const TIME: Duration = Duration::from_millis(400);
 /// Candidate pairs of a particle in a dense bed at the usual skin, and those within the inner skin: measured on settled beds.
 const OUTER_PAIRS: f64 = 4.5;
 const INNER_PAIRS: f64 = 2.9;
+/// Contacts of a particle there, each counted once.
+const CONTACTS: f64 = 2.5;
 
 /// Measures the speed with the scene's laws and first particle class; `None` where it has no class of particles.
 #[must_use]
@@ -89,14 +91,18 @@ fn measure(simulation: &mut Simulation) -> f64 {
     EDGE.pow(3) as f64 * f64::from(steps) / started.elapsed().as_secs_f64()
 }
 
-/// Memory that one particle takes in a dense bed, its share of the pair lists included [B].
+/// Most memory that one particle takes in a dense bed, its share of the pair lists included [B]; array by array in
+/// `docs/theory/memory.md`.
 fn bytes_per_particle() -> f64 {
     let records = size_of::<Sphere>() + size_of::<Velocity>() + size_of::<Load>() + size_of::<Acceleration>();
     let references = 2 * size_of::<[f64; 3]>() + size_of::<ParticleId>() + size_of::<f64>() + 2 * size_of::<u32>();
-    // Of a pair: owner and candidate; then owner, partner, place in the outer list, R*, m* and memory.
+    // Of a pair: owner and candidate; then owner, partner, place in the outer list, R*, m* and memory, once more as storage for the
+    // next list.
     let outer = size_of::<u32>() + size_of::<Candidate>();
-    let inner = 3 * size_of::<u32>() + 2 * size_of::<f64>() + size_of::<Memory>();
-    let pairs = OUTER_PAIRS * outer as f64 + INNER_PAIRS * inner as f64;
-    // Lists are made anew beside the old ones.
-    (records + references) as f64 + 2.0 * pairs
+    let inner = 2 * (3 * size_of::<u32>() + 2 * size_of::<f64>() + size_of::<Memory>());
+    // While lists are made anew: memories from both sides of a contact. A frame may be on its way to the disk, being sorted.
+    let memories = 2 * size_of::<(u32, Memory)>();
+    let frame = 2 * size_of::<ParticleState>() + size_of::<Vec3>();
+    let pairs = OUTER_PAIRS * outer as f64 + INNER_PAIRS * inner as f64 + CONTACTS * memories as f64;
+    (records + references + frame) as f64 + pairs
 }
