@@ -23,6 +23,7 @@ pub use read::{read, read_text};
 
 use crate::dem::feed::{Feed, FeedKind};
 use crate::dem::law::LawSettings;
+use crate::dem::sleep::SleepSettings;
 use crate::geometry::part::{AtRest, Part};
 use crate::material::MaterialTable;
 use crate::math::{Bounds, Vec3};
@@ -134,8 +135,30 @@ pub struct SolverSettings {
     pub overlap_limit: f64,
     /// Speed at which particles are expected to hit something [m/s]; `None` for the plan's estimate.
     pub impact_speed: Option<f64>,
+    /// When resting particles fall asleep; `None` where they never do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sleeping: Option<Sleeping>,
     /// Models forced on or off by name.
     pub forced_models: Vec<(String, bool)>,
+}
+
+/// When resting particles fall asleep, see [`SleepSettings`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sleeping {
+    /// Speed below which a particle may fall asleep [m/s].
+    pub speed: f64,
+    /// How long it must have been slow and balanced [s].
+    pub hold: f64,
+    /// Unbalanced force over the weight at which a sleeper wakes [-].
+    pub unbalanced: f64,
+}
+
+impl Sleeping {
+    /// What the solver is told, under `gravity` [m/s2].
+    #[must_use]
+    pub fn settings(&self, gravity: &Vec3) -> SleepSettings {
+        SleepSettings { speed: self.speed, hold: self.hold, acceleration: self.unbalanced * gravity.norm() }
+    }
 }
 
 /// When a run ends; `time` is always there.

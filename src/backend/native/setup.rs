@@ -34,7 +34,7 @@ pub fn setup(scene: &Scene, plan: &Plan, processor: Processor) -> Setup {
         overlap_limit: scene.solver.overlap_limit,
         energy: plan.is_on("energy_budget"),
         momentum: false,
-        sleeping: None,
+        sleeping: scene.solver.sleeping.map(|sleeping| sleeping.settings(&scene.gravity)),
         threads: processor.threads,
         simd: processor.simd,
     }
