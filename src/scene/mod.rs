@@ -23,7 +23,6 @@ pub use read::{read, read_text};
 
 use crate::dem::feed::{Feed, FeedKind};
 use crate::dem::law::LawSettings;
-use crate::dem::sleep::SleepSettings;
 use crate::geometry::part::{AtRest, Part};
 use crate::material::MaterialTable;
 use crate::math::{Bounds, Vec3};
@@ -142,7 +141,7 @@ pub struct SolverSettings {
     pub forced_models: Vec<(String, bool)>,
 }
 
-/// When resting particles fall asleep, see [`SleepSettings`].
+/// When resting particles fall asleep.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Sleeping {
     /// Speed below which a particle may fall asleep [m/s].
@@ -151,14 +150,6 @@ pub struct Sleeping {
     pub hold: f64,
     /// Unbalanced force over the weight at which a sleeper wakes [-].
     pub unbalanced: f64,
-}
-
-impl Sleeping {
-    /// What the solver is told, under `gravity` [m/s2].
-    #[must_use]
-    pub fn settings(&self, gravity: &Vec3) -> SleepSettings {
-        SleepSettings { speed: self.speed, hold: self.hold, acceleration: self.unbalanced * gravity.norm() }
-    }
 }
 
 /// When a run ends; `time` is always there.
