@@ -89,6 +89,7 @@ fn simulation(particles: &[ParticleState], parts: Vec<Part>, size: Vec3, timeste
         overlap_limit: 0.5,
         energy: false,
         momentum: false,
+        sleeping: None,
         threads: 1,
         simd: SimdLevel::best(),
     });

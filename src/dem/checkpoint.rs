@@ -75,6 +75,9 @@ struct Progress {
     energy_watch: EnergyWatch,
     feeds: FeedRunnerState,
     part_loads: Vec<[f64; 7]>,
+    /// Empty while nobody was looked at whether it may fall asleep.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    calm_looks: Vec<u8>,
 }
 
 impl SimulationRecord {
@@ -129,6 +132,7 @@ impl SimulationRecord {
             loads: loads.iter().map(|row| Load::new(two(row).0, two(row).1)).collect(),
             ids: ids.iter().map(|&id| ParticleId(id)).collect(),
             densities: self.rows::<1>("density", Some(count))?.iter().map(|row| row[0]).collect(),
+            calm_looks: Vec::new(),
         })
     }
 
@@ -243,6 +247,7 @@ impl Simulation {
             energy_watch: self.watchdog.energy_watch(),
             feeds: self.feeds.state(),
             part_loads: self.part_loads.iter().map(load).collect(),
+            calm_looks: self.particles.calm_looks.clone(),
         };
         serde_json::to_string(&progress).expect("plain numbers and names become JSON")
     }
@@ -267,6 +272,7 @@ impl Simulation {
             ));
         }
         simulation.take_particles(record, &progress)?;
+        simulation.take_sleep(progress.calm_looks)?;
         simulation.steps = progress.steps;
         simulation.loads_known = progress.loads_known;
         simulation.booked = progress.booked;
@@ -299,6 +305,9 @@ impl Simulation {
         simulation.take_particles(record, &progress)?;
         simulation.neighborhood.change_settings(settings);
         simulation.rename_materials(&progress.material_names)?;
+        // Who slept there has nothing known to rest on here.
+        let sleepers = simulation.particles.velocities.iter_mut().filter(|velocity| velocity.path == Path::Asleep);
+        sleepers.for_each(|velocity| velocity.path = Path::Free);
         let own = simulation.setup.feeds.len() as u32;
         for id in &mut simulation.particles.ids {
             *id = ParticleId::new(id.feed() + own, id.serial());
@@ -317,6 +326,19 @@ impl Simulation {
             simulation.booked.inserted += simulation.spring_energy(|_, _| true);
         }
         Ok(simulation)
+    }
+
+    /// Goes on with who sleeps, and who was calm how often.
+    fn take_sleep(&mut self, calm_looks: Vec<u8>) -> Result<(), RecordError> {
+        let asleep = self.particles.velocities.iter().any(|velocity| velocity.path == Path::Asleep);
+        if self.setup.sleeping.is_none() && (asleep || !calm_looks.is_empty()) {
+            return Err(RecordError("its particles may sleep, and those of this scene may not".to_owned()));
+        }
+        if !calm_looks.is_empty() && calm_looks.len() != self.particles.len() {
+            return Err(RecordError("the progress counts the calm looks of other particles".to_owned()));
+        }
+        self.particles.calm_looks = calm_looks;
+        Ok(())
     }
 
     /// Gives the particles the numbers that their materials, known by name, have here.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Energies [J]. With accounting on,
 /// kinetic + rotational + gravitational + elastic + slip + dashpot + rolling - wall_work - prescribed_work - tether_work - inserted
-/// + removed - law_residual stays constant up to the error of the time step.
+/// + removed + sleep - law_residual stays constant up to the error of the time step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct EnergyBudget {
     /// Of the centres' motion.
@@ -33,6 +33,9 @@ pub struct EnergyBudget {
     pub removed: f64,
     /// Made (> 0) by the law itself, whose tangential stiffness depends on the overlap.
     pub law_residual: f64,
+    /// Of motion, taken from particles that fell asleep.
+    #[serde(default, skip_serializing_if = "super::sleep::is_zero")]
+    pub sleep: f64,
 }
 
 impl EnergyBudget {
@@ -45,13 +48,14 @@ impl EnergyBudget {
             - self.tether_work
             - self.inserted
             + self.removed
+            + self.sleep
             - self.law_residual
     }
 
     /// Energy lost for good, plus what rolling springs hold [J].
     #[must_use]
     pub fn dissipated(&self) -> f64 {
-        self.slip + self.dashpot + self.rolling
+        self.slip + self.dashpot + self.rolling + self.sleep
     }
 
     /// Mechanical energy [J]: motion, height and springs.

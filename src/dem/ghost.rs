@@ -88,6 +88,7 @@ impl Simulation {
         let mut tether_cut = false;
         self.recorded.generation = None;
         for index in indices {
+            self.wake(index);
             let before = self.particles.velocities[index].path;
             if !before.is_prescribed() {
                 // A prescribed particle's own energy and momentum are outside of the budgets.

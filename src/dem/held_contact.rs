@@ -102,7 +102,7 @@ impl Simulation {
         let mut contacts = Vec::new();
         self.for_each_contact_of(&prescribed, |index, (partner, other), point, seen| {
             let (Partner::Particle(resident), Some(other)) = (partner, other) else { return };
-            if velocities[other].path != Path::Free {
+            if !matches!(velocities[other].path, Path::Free | Path::Asleep) {
                 return;
             }
             let radius = |index: usize| self.particles.spheres[index].radius;

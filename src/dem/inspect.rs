@@ -125,6 +125,7 @@ impl Simulation {
             timestep: self.setup.timestep,
             overlap_limit: self.setup.overlap_limit,
             inertia_factor: self.setup.body.inertia_factor(),
+            sleeping: self.setup.sleeping.is_some(),
         }
     }
 

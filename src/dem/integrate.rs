@@ -1,6 +1,7 @@
 //! The motion of a chunk's particles over a time step, row by row: see [`super::step`] for the scheme.
 
 use super::particles::{Acceleration, Load, Path, Sphere, Velocity};
+use super::sleep::SleepSettings;
 use crate::math::lanes::{LaneWork, Lanes, Mask};
 use crate::math::{Bounds, Vec3};
 use crate::particle::Body;
@@ -87,6 +88,22 @@ pub(super) struct StepNote {
     pub prescribed_force: Vec3,
     /// Whether every place and velocity is.
     pub is_finite: bool,
+    /// Whether somebody woke up.
+    pub woke: bool,
+    /// Sum of the loads and weights of those who sleep on [N].
+    pub unbalanced: Vec3,
+}
+
+impl StepNote {
+    /// Of a chunk in which nothing happened.
+    pub const SKIPPED: Self = Self {
+        late_work: 0.0,
+        prescribed_work: 0.0,
+        prescribed_force: Vec3::new(0.0, 0.0, 0.0),
+        is_finite: true,
+        woke: false,
+        unbalanced: Vec3::new(0.0, 0.0, 0.0),
+    };
 }
 
 /// New accelerations from loads, and v += (a_new / 2 + a_old (1/2 - lead)) dt, spins likewise.
@@ -103,6 +120,8 @@ pub(super) struct Correct<'a> {
     pub lead: f64,
     pub gravity: Vec3,
     pub body: Body,
+    /// When sleepers wake, where anybody may sleep.
+    pub sleep: Option<&'a SleepSettings>,
 }
 
 impl LaneWork for Correct<'_> {
@@ -125,7 +144,11 @@ impl LaneWork for Correct<'_> {
             let old = [L::Row::from_slice(held.rows()[0]), L::Row::from_slice(held.rows()[1])];
             let seen = *velocity;
             let (linear, angular);
-            if velocity.path.is_prescribed() {
+            let wakes = self.sleep.is_some_and(|sleep| {
+                velocity.path == Path::Asleep
+                    && note.wakes(sleep, velocity, sphere, &self.loads[index], &self.gravity, self.body)
+            });
+            if !velocity.path.yields() {
                 *held = acceleration(&self.loads[index], velocity, sphere.radius, held, &self.gravity, self.body);
                 let rows = held.rows();
                 (linear, angular) = (L::Row::from_slice(rows[0]), L::Row::from_slice(rows[1]));
@@ -146,7 +169,10 @@ impl LaneWork for Correct<'_> {
             corrected.write_to(v);
             turned.write_to(w);
             sum = sum + corrected + first_three(turned, zero) + L::Row::from_slice(sphere.row());
-            note.account(&seen, velocity, &self.loads[index], self.springs.get(index), self.dt);
+            // Of who wakes the springs are not known apart, and the late work is of the second order of dt.
+            if !wakes {
+                note.account(&seen, velocity, &self.loads[index], self.springs.get(index), self.dt);
+            }
         }
         note.is_finite = sum.to_array().iter().sum::<f64>().is_finite();
         note
@@ -154,6 +180,28 @@ impl LaneWork for Correct<'_> {
 }
 
 impl StepNote {
+    /// Wakes a sleeper that the forces on it would move; true where they do.
+    #[cold]
+    #[inline(never)]
+    fn wakes(
+        &mut self,
+        sleep: &SleepSettings,
+        velocity: &mut Velocity,
+        sphere: &Sphere,
+        load: &Load,
+        gravity: &Vec3,
+        body: Body,
+    ) -> bool {
+        let free = free_acceleration(load, velocity, sphere.radius, gravity, body);
+        if sleep.wakes(&free, sphere.radius) {
+            velocity.path = Path::Free;
+            self.woke = true;
+            return true;
+        }
+        self.unbalanced += free.linear / velocity.inverse_mass;
+        false
+    }
+
     /// Books the works of a particle whose velocity was `seen` by the laws.
     #[inline(always)]
     fn account(&mut self, seen: &Velocity, now: &Velocity, load: &Load, spring: Option<&Vec3>, dt: f64) {
@@ -194,15 +242,25 @@ pub(super) fn acceleration(
     body: Body,
 ) -> Acceleration {
     match velocity.path {
-        Path::Free | Path::Tethered => {
-            let inverse_inertia = velocity.inverse_mass / (body.inertia_factor() * radius * radius);
-            Acceleration::new(
-                body.in_plane(&(load.force * velocity.inverse_mass + gravity)),
-                body.about_plane(&(load.torque * inverse_inertia)),
-            )
-        }
-        Path::Constant => Acceleration::ZERO,
+        Path::Free | Path::Tethered => free_acceleration(load, velocity, radius, gravity, body),
+        Path::Constant | Path::Asleep => Acceleration::ZERO,
         Path::Recorded => *held,
         Path::Ballistic => Acceleration::new(body.in_plane(gravity), Vec3::zeros()),
     }
+}
+
+/// Acceleration that a load and gravity give to a particle that they move: F / m + g, and M / (c m r^2).
+#[inline(always)]
+pub(super) fn free_acceleration(
+    load: &Load,
+    velocity: &Velocity,
+    radius: f64,
+    gravity: &Vec3,
+    body: Body,
+) -> Acceleration {
+    let inverse_inertia = velocity.inverse_mass / (body.inertia_factor() * radius * radius);
+    Acceleration::new(
+        body.in_plane(&(load.force * velocity.inverse_mass + gravity)),
+        body.about_plane(&(load.torque * inverse_inertia)),
+    )
 }

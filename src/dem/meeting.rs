@@ -29,6 +29,8 @@ pub struct ContactScene<'a> {
     pub overlap_limit: f64,
     /// Factor c of I = c m r^2 [-].
     pub inertia_factor: f64,
+    /// Whether particles may be asleep.
+    pub sleeping: bool,
 }
 
 /// Pairs of particles, one a lane, as far as their places go.

@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Momentum [kg m/s] of the particles that are moved by forces, tethered ones among them, and its sources since the start:
-/// momentum = gravity + walls + ghosts + tethers + hand_over + inserted - removed, up to round-off.
+/// momentum = gravity + walls + ghosts + tethers + sleep + hand_over + inserted - removed, up to round-off.
 ///
 /// In a time step velocity-Verlet gives each particle m (a_old + a_new) dt / 2. What acts between two free particles cancels;
 /// the rest is split by its origin. Particles that were frozen, released, inserted or removed between two steps leave a
@@ -24,6 +24,9 @@ pub struct MomentumBudget {
     pub ghosts: Vec3,
     /// From tethers.
     pub tethers: Vec3,
+    /// From being asleep: the motion that sleepers lost, and what kept them in place under unbalanced forces.
+    #[serde(default, skip_serializing_if = "super::sleep::is_zero")]
+    pub sleep: Vec3,
     /// Left by changes of who is free.
     pub hand_over: Vec3,
     /// Came with particles that were inserted, released or tethered.
@@ -37,7 +40,8 @@ impl MomentumBudget {
     #[must_use]
     pub fn imbalance(&self) -> Vec3 {
         self.momentum
-            - (self.gravity + self.walls + self.ghosts + self.tethers + self.hand_over + self.inserted - self.removed)
+            - (self.gravity + self.walls + self.ghosts + self.tethers + self.sleep + self.hand_over + self.inserted
+                - self.removed)
     }
 }
 
@@ -50,6 +54,9 @@ pub struct MomentumAccount {
     free_mass: f64,
     /// Sum of the present loads on the prescribed particles [N].
     pub(super) ghost_force: Vec3,
+    /// Sum of the present loads and weights of the sleepers [N].
+    #[serde(default, skip_serializing_if = "super::sleep::is_zero")]
+    pub(super) sleeper_force: Vec3,
     /// Whether anybody came or went since the last step.
     pub(super) regrouped: bool,
 }
@@ -77,6 +84,14 @@ impl Simulation {
     pub(super) fn note_goer(&mut self, momentum: Vec3) {
         if self.accounts_for_momentum() {
             self.momentum.booked.removed += momentum;
+        }
+        self.momentum.regrouped = true;
+    }
+
+    /// Books that a particle fell asleep, with the momentum that it loses [kg m/s].
+    pub(super) fn note_sleeper(&mut self, momentum: Vec3) {
+        if self.accounts_for_momentum() {
+            self.momentum.booked.sleep -= momentum;
         }
         self.momentum.regrouped = true;
     }
@@ -113,6 +128,7 @@ impl Simulation {
         booked.walls -= body.in_plane(&parts) * half;
         booked.ghosts -= body.in_plane(&account.ghost_force) * half;
         booked.tethers += tethers * half;
+        booked.sleep -= account.sleeper_force * half;
     }
 
     /// Who is free has changed: their mass, the old forces as they are divided now, and the remainder of that division.
@@ -127,11 +143,13 @@ impl Simulation {
                 free_force += force;
             }
         }
+        let sleeper_force = self.force_on_sleepers();
         let parts: Vec3 = self.part_loads.iter().map(|load| load.force).sum();
         let remainder = self.setup.body.in_plane(&(free_force + parts + ghost_force)) * (0.5 * self.setup.timestep);
         let account = &mut self.momentum;
         account.booked.hand_over += remainder;
         (account.free_mass, account.ghost_force, account.regrouped) = (free_mass, ghost_force, false);
+        account.sleeper_force = sleeper_force;
     }
 
     /// Momentum of particle `index` [kg m/s].

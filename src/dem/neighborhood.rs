@@ -7,6 +7,7 @@ use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::neighbor::{cells::CellLevels, chunks::chunk_ranges};
 use super::particles::{Particles, Sphere, Velocity, only_material};
 use super::simulation::Simulation;
+use super::sleep::ChunkRest;
 use super::wall::Candidate;
 use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
 use crate::math::{Bounds, Vec3};
@@ -41,6 +42,8 @@ pub struct Chunk {
     pub springs: Vec<Vec3>,
     /// What its particles do to each part.
     pub part_loads: Vec<PartLoad>,
+    /// What is known of its rest.
+    pub rest: ChunkRest,
 }
 
 /// What the lists are made with.
@@ -472,8 +475,7 @@ impl Simulation {
         let mut rows: Vec<&[Candidate]> = vec![&[]; *count];
         held.iter().flat_map(WallCandidates::rows).for_each(|(index, found)| rows[index] = found);
         let (spheres, walls) = (&self.particles.spheres, &self.walls);
-        let chunks: Vec<&mut Chunk> = self.neighborhood.chunks.iter_mut().collect();
-        self.threads.for_each(chunks, |chunk| {
+        self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let mut found = Vec::new();
             for index in chunk.range.clone() {
                 let Some(row) = rows.get(old_index[index] as usize) else {
@@ -491,8 +493,7 @@ impl Simulation {
     pub(super) fn collect_wall_candidates(&mut self) {
         let skin = self.neighborhood.settings.skin;
         let (spheres, walls) = (&self.particles.spheres, &self.walls);
-        let chunks: Vec<&mut Chunk> = self.neighborhood.chunks.iter_mut().collect();
-        self.threads.for_each(chunks, |chunk| {
+        self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             chunk.near_walls = WallCandidates::collect(spheres, walls, chunk.range.clone(), skin);
         });
         self.neighborhood.approached_walls = 0.0;

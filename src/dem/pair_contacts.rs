@@ -8,8 +8,10 @@ use super::law::{LawSettings, NormalContact};
 use super::meeting::{Block, ContactScene, Near};
 use super::neighbor::list::{Images, InnerList, Memory, PairMemory, effective_mass, effective_radius};
 use super::particles::Load;
+use super::resting::{Rest, Run};
 use crate::math::Vec3;
 use crate::math::lanes::{LaneVector, Lanes, MOST_LANES, Mask};
+use std::ops::Range;
 
 /// Blocks of lanes that go through the kernel's passes together: what passes hand on stays in the nearest cache.
 const TOGETHER: usize = 8;
@@ -72,29 +74,77 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
     /// changes no bit.
     #[inline(always)]
     pub fn add_loads(&self, list: &mut InnerList, loads: &mut [Load], springs: &mut [Vec3], tally: &mut Tally) {
-        let blocks = list.len().div_ceil(L::COUNT);
-        let mut placed = [Placed::<L>::nowhere(); TOGETHER];
-        let mut pushed = [Pushed::<L>::nothing(); TOGETHER];
         // Summed apart from the other losses: how many blocks go together must not change the order.
         let mut ended = 0.0;
-        for start in (0..blocks).step_by(TOGETHER) {
-            let together = TOGETHER.min(blocks - start);
-            for (number, placed) in placed[..together].iter_mut().enumerate() {
-                *placed = self.place(list, (start + number) * L::COUNT, &mut ended);
+        let whole = [Run::moving(list.len())];
+        let sorted = self.scene.sleeping.then(|| list.runs_by_rest(self.scene.velocities));
+        for run in sorted.as_deref().unwrap_or(&whole) {
+            if run.rest != Rest::Known {
+                self.compute(list, run, loads, springs, tally, &mut ended);
             }
-            for number in 0..together {
-                let from = (start + number) * L::COUNT;
-                if placed[number].touches.any() {
-                    pushed[number] = self.push(list, from, &placed[number], springs, tally);
-                } else if FRICTION || ROLLING {
-                    write_springs::<L, FRICTION, ROLLING>(&mut list.memory, from, &Springs::none());
-                }
-            }
-            for number in (0..together).filter(|&number| placed[number].touches.any()) {
-                self.add(&Block::of::<L>(list, (start + number) * L::COUNT), &pushed[number], loads);
+            if run.rest != Rest::Moving {
+                self.add_kept(list, run.pairs.clone(), loads);
             }
         }
         tally.slip += Self::SHARE * ended;
+    }
+
+    /// Adds the loads of a run of moving pairs, or keeps those of pairs that have come to rest: these lose nothing, and remember
+    /// what they did.
+    #[inline(always)]
+    fn compute(
+        &self,
+        list: &mut InnerList,
+        run: &Run,
+        loads: &mut [Load],
+        springs: &mut [Vec3],
+        tally: &mut Tally,
+        ended: &mut f64,
+    ) {
+        let rests = run.rest == Rest::New;
+        let held = rests.then(|| list.memory.part(run.pairs.clone()));
+        let (mut no_tally, mut none_ended) = (Tally::default(), 0.0);
+        let (tally, ended) = if rests { (&mut no_tally, &mut none_ended) } else { (tally, ended) };
+        let first = run.pairs.start;
+        let blocks = run.pairs.len().div_ceil(L::COUNT);
+        let mut placed = [Placed::<L>::nowhere(); TOGETHER];
+        let mut pushed = [Pushed::<L>::nothing(); TOGETHER];
+        for start in (0..blocks).step_by(TOGETHER) {
+            let together = TOGETHER.min(blocks - start);
+            let from = |number: usize| first + (start + number) * L::COUNT;
+            for (number, placed) in placed[..together].iter_mut().enumerate() {
+                *placed = self.place(list, from(number), ended);
+            }
+            for number in 0..together {
+                if placed[number].touches.any() {
+                    pushed[number] = self.push(list, from(number), &placed[number], springs, tally);
+                } else if FRICTION || ROLLING {
+                    write_springs::<L, FRICTION, ROLLING>(&mut list.memory, from(number), &Springs::none());
+                }
+            }
+            if rests {
+                for number in 0..together {
+                    let pushed = if placed[number].touches.any() { pushed[number] } else { Pushed::nothing() };
+                    list.resting.keep(from(number), &pushed.force, &pushed.torques);
+                }
+                continue;
+            }
+            for number in (0..together).filter(|&number| placed[number].touches.any()) {
+                self.add(&Block::of::<L>(list, from(number)), &pushed[number], loads);
+            }
+        }
+        if let Some(held) = held {
+            list.memory.put_back(first, &held);
+        }
+    }
+
+    /// Adds the loads of a run of pairs at rest.
+    #[inline(always)]
+    fn add_kept(&self, list: &InnerList, pairs: Range<usize>, loads: &mut [Load]) {
+        for from in pairs.step_by(L::COUNT) {
+            let (force, torques) = list.resting.kept(from);
+            self.add(&Block::of::<L>(list, from), &Pushed { force, torques }, loads);
+        }
     }
 
     /// First pass: who touches.

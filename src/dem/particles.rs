@@ -102,6 +102,8 @@ pub enum Path {
     Recorded = 3,
     /// By the forces on it, a tether to a recorded path among them.
     Tethered = 4,
+    /// Not at all, until the forces on it are out of balance: see [`super::sleep`].
+    Asleep = 5,
 }
 
 impl Path {
@@ -114,6 +116,7 @@ impl Path {
             2 => Some(Self::Ballistic),
             3 => Some(Self::Recorded),
             4 => Some(Self::Tethered),
+            5 => Some(Self::Asleep),
             _ => None,
         }
     }
@@ -123,6 +126,13 @@ impl Path {
     #[must_use]
     pub const fn is_prescribed(self) -> bool {
         matches!(self, Self::Constant | Self::Ballistic | Self::Recorded)
+    }
+
+    /// Whether the forces on the particle move it.
+    #[inline(always)]
+    #[must_use]
+    pub const fn yields(self) -> bool {
+        matches!(self, Self::Free | Self::Tethered)
     }
 }
 
@@ -176,7 +186,7 @@ impl Acceleration {
     }
 }
 
-/// All particles, in storage order. Every list has the same length.
+/// All particles, in storage order. Every list has the same length, but for the last one while it is empty.
 #[derive(Debug, Clone, Default)]
 pub struct Particles {
     /// Centres and radii.
@@ -191,6 +201,8 @@ pub struct Particles {
     pub ids: Vec<ParticleId>,
     /// Particle densities [kg/m3].
     pub densities: Vec<f64>,
+    /// At how many looks in a row each was calm; empty while nobody was looked at.
+    pub calm_looks: Vec<u8>,
 }
 
 impl Particles {
@@ -220,6 +232,9 @@ impl Particles {
         self.accelerations.push(Acceleration::ZERO);
         self.ids.push(state.id);
         self.densities.push(state.density);
+        if !self.calm_looks.is_empty() {
+            self.calm_looks.push(0);
+        }
     }
 
     /// Particle number `index` as others see it.
@@ -247,6 +262,9 @@ impl Particles {
         pick(&mut self.accelerations, order);
         pick(&mut self.ids, order);
         pick(&mut self.densities, order);
+        if !self.calm_looks.is_empty() {
+            pick(&mut self.calm_looks, order);
+        }
     }
 
     /// Root-mean-square speed of the centres [m/s]; 0 without particles.

@@ -12,6 +12,7 @@ use super::neighborhood::{ListSettings, Neighborhood};
 use super::particles::Particles;
 use super::presence::{PartEvent, Presence};
 use super::removal::Removal;
+use super::sleep::{SleepChanges, SleepSettings};
 use super::tether::Tether;
 use super::threads::Threads;
 use super::wall::Walls;
@@ -57,6 +58,8 @@ pub struct Setup {
     pub energy: bool,
     /// Whether the momentum is accounted for; it is too where `energy` is set.
     pub momentum: bool,
+    /// When resting particles fall asleep, where they may.
+    pub sleeping: Option<SleepSettings>,
     /// Number of threads; changes no bit of the result.
     pub threads: usize,
     /// Instruction set to compute contacts with; changes no bit of the result.
@@ -99,6 +102,7 @@ pub struct Simulation {
     pub(super) recorded: RecordedParticles,
     pub(super) removed: Vec<Removal>,
     pub(super) watchdog: Watchdog,
+    pub(super) sleep_changes: SleepChanges,
     /// Whether a particle went beyond an open border when all were moved.
     pub(super) has_leavers: bool,
     pub(super) phases: super::phase::PhaseTimes,
@@ -141,6 +145,7 @@ impl Simulation {
             recorded: RecordedParticles::default(),
             removed: Vec::new(),
             watchdog: Watchdog::default(),
+            sleep_changes: SleepChanges::default(),
             has_leavers: false,
             phases: super::phase::PhaseTimes::default(),
             setup,
@@ -176,6 +181,7 @@ impl Simulation {
         self.correct();
         self.book_tethers();
         self.book_new_forces();
+        self.lay_to_sleep();
         self.watch()
     }
 
@@ -304,6 +310,7 @@ impl Simulation {
     /// Moves a particle by `way` [m]; it keeps its contacts' memory. Returns false where there is no such particle.
     pub fn displace(&mut self, id: ParticleId, way: Vec3) -> bool {
         let Some(index) = self.particles.ids.iter().position(|held| *held == id) else { return false };
+        self.wake(index);
         let marked = self.marks(std::iter::once(index));
         let (springs, height) = (self.springs_of(&marked), self.mechanical_energy_of(&self.particles.state(index)));
         let centre = self.particles.spheres[index].position() + way;

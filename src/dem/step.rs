@@ -57,9 +57,13 @@ impl Simulation {
         let accelerations = &self.particles.accelerations;
         let spheres = split_at_chunks(&mut self.particles.spheres, ranges.iter().cloned());
         let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
-        let work = ranges.iter().zip(spheres).zip(velocities).zip(&mut notes).collect();
-        self.threads.for_each(work, |(((range, spheres), velocities), note)| {
-            let accelerations = &accelerations[range.clone()];
+        let work = self.neighborhood.chunks.iter().zip(spheres).zip(velocities).zip(&mut notes).collect();
+        let changes = self.sleep_changes;
+        self.threads.for_each(work, |(((chunk, spheres), velocities), note)| {
+            if chunk.is_still(changes) {
+                return;
+            }
+            let accelerations = &accelerations[chunk.range.clone()];
             *note = at_level(simd, Advance { spheres, velocities, accelerations, dt, lead, domain: &domain });
         });
         let moved = notes.iter().map(|note| note.farthest_squared).fold(0.0, f64::max).sqrt();
@@ -100,16 +104,22 @@ impl Simulation {
             timestep,
             overlap_limit: self.setup.overlap_limit,
             inertia_factor: self.setup.body.inertia_factor(),
+            sleeping: self.setup.sleeping.is_some(),
         };
+        let changes = self.sleep_changes;
         let (scene, walls, simd) = (&scene, &self.walls, self.setup.simd);
         let approached = self.neighborhood.approached_walls;
         let ranges: Vec<_> = self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect();
         let loads = split_at_chunks(&mut self.particles.loads, ranges.into_iter());
         let work: Vec<(&mut Chunk, &mut [Load])> = self.neighborhood.chunks.iter_mut().zip(loads).collect();
         self.threads.for_each(work, |(chunk, loads)| {
+            chunk.tally = super::energy::Tally::default();
+            chunk.rest.skipped = chunk.is_still(changes);
+            if chunk.rest.skipped {
+                return;
+            }
             loads.fill(Load::ZERO);
             chunk.part_loads.fill(PartLoad::default());
-            chunk.tally = super::energy::Tally::default();
             match (terms.friction, terms.rolling, terms.energy) {
                 (false, _, false) => {
                     at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads, approached })
@@ -129,6 +139,9 @@ impl Simulation {
                 (true, true, true) => {
                     at_level(simd, ChunkLoads::<true, true, true> { scene, walls, chunk, loads, approached })
                 }
+            }
+            if scene.sleeping {
+                chunk.note_rest(changes, scene.velocities, walls);
             }
         });
         self.sum_chunks(timestep);
@@ -157,18 +170,25 @@ impl Simulation {
         let (dt, lead) = (self.setup.timestep, self.velocity_lead());
         let (gravity, body) = (self.setup.gravity, self.setup.body);
         let ranges = self.ranges();
-        let mut notes = vec![StepNote::default(); ranges.len()];
+        let unbalanced = |chunk: &Chunk| StepNote { unbalanced: chunk.rest.unbalanced, ..StepNote::SKIPPED };
+        let mut notes: Vec<StepNote> = self.neighborhood.chunks.iter().map(unbalanced).collect();
         let (loads, spheres) = (&self.particles.loads, &self.particles.spheres);
         let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
         let accelerations = split_at_chunks(&mut self.particles.accelerations, ranges.iter().cloned());
         let work = self.neighborhood.chunks.iter().zip(velocities).zip(accelerations).zip(&mut notes).collect();
-        let simd = self.setup.simd;
+        let (simd, sleep) = (self.setup.simd, self.setup.sleeping.as_ref());
         self.threads.for_each(work, |(((chunk, velocities), accelerations), note)| {
+            if chunk.rest.skipped {
+                return;
+            }
             let (loads, spheres) = (&loads[chunk.range.clone()], &spheres[chunk.range.clone()]);
             let springs = &chunk.springs;
-            *note =
-                at_level(simd, Correct { velocities, accelerations, loads, spheres, springs, dt, lead, gravity, body });
+            let work = Correct { velocities, accelerations, loads, spheres, springs, dt, lead, gravity, body, sleep };
+            *note = at_level(simd, work);
         });
+        if sleep.is_some() {
+            self.note_sleepers(&notes);
+        }
         self.booked.prescribed_work += notes.iter().map(|note| note.prescribed_work).sum::<f64>();
         self.momentum.ghost_force = notes.iter().map(|note| note.prescribed_force).sum();
         self.booked.dashpot -= notes.iter().map(|note| note.late_work).sum::<f64>();

@@ -7,7 +7,7 @@ use super::law::{Compatibility, NormalContact};
 use super::meeting::ContactScene;
 use super::neighbor::list::Memory;
 use super::pair_contacts::left_in_spring;
-use super::particles::{Load, Sphere};
+use super::particles::{Load, Path, Sphere};
 use super::seen::{SeenContact, seen};
 use super::wall::{Candidate, WallPoint, Walls};
 use crate::math::Vec3;
@@ -41,6 +41,8 @@ pub struct WallCandidates {
     candidates: Vec<Candidate>,
     /// What the approach of particles and parts must have reached before each can be touched [m].
     due: Vec<f64>,
+    /// Whether loads have been computed from these.
+    pub(super) were_seen: bool,
 }
 
 impl WallCandidates {
@@ -271,6 +273,8 @@ impl WallKernel<'_> {
         let scene = self.scene;
         block.fill_up();
         let counted = L::Mask::from_bits(u16::MAX >> (MOST_LANES - block.count));
+        // Sleepers on parts that stand lose nothing, and remember what they did, however often they are computed.
+        let moving = if scene.sleeping { moving_lanes(scene, self.walls, block) } else { u16::MAX };
         let (mut touch, lever, radius) = block.touch::<L, ROLLING>(scene);
         if (touch.overlap.exceeds(L::splat(scene.overlap_limit) * radius) & counted).any() {
             note_deep(scene, block, self.tally);
@@ -301,12 +305,12 @@ impl WallKernel<'_> {
         if FRICTION || ROLLING {
             (block.tangential, block.rolling) = (held.tangential.to_arrays(), held.rolling.to_arrays());
             let last = contacts.len() - block.count;
-            for (lane, contact) in contacts[last..].iter_mut().enumerate() {
+            for (lane, contact) in contacts[last..].iter_mut().enumerate().filter(|(lane, _)| moving >> lane & 1 == 1) {
                 contact.memory = block.memory(lane);
             }
         }
         if ENERGY {
-            result.lost.book(1.0, counted.bits(), self.tally);
+            result.lost.book(1.0, counted.bits() & moving, self.tally);
             let springs = (touch.normal * stiffness.elastic).to_arrays();
             for (lane, &particle) in block.particles[..block.count].iter().enumerate() {
                 let spring = Vec3::new(springs[0][lane], springs[1][lane], springs[2][lane]);
@@ -337,6 +341,14 @@ impl WallKernel<'_> {
             });
         }
     }
+}
+
+/// Lanes of particles that are awake, or of parts that move.
+fn moving_lanes(scene: &ContactScene, walls: &Walls, block: &WallBlock) -> u16 {
+    let moves = |lane: &usize| {
+        scene.velocities[block.particles[*lane] as usize].path != Path::Asleep || !walls.stands(block.parts[*lane])
+    };
+    (0..block.count).filter(moves).fold(0, |bits, lane| bits | 1 << lane)
 }
 
 #[cold]

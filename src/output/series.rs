@@ -70,6 +70,8 @@ pub struct SeriesEnergy {
     pub removed: f64,
     /// Signed residual of the contact law.
     pub law_residual: f64,
+    /// Motion taken from particles that fell asleep; `None` where nobody may.
+    pub sleep: Option<f64>,
     /// What the budget leaves unexplained.
     pub imbalance: f64,
 }
@@ -134,8 +136,8 @@ impl SeriesRow {
 }
 
 impl SeriesEnergy {
-    const fn columns(&self) -> [(&'static str, f64); 10] {
-        [
+    fn columns(&self) -> Vec<(&'static str, f64)> {
+        let mut columns = vec![
             ("gravitational_energy", self.gravitational),
             ("elastic_energy", self.elastic),
             ("slip_dissipation", self.slip),
@@ -146,7 +148,9 @@ impl SeriesEnergy {
             ("removed_energy", self.removed),
             ("law_residual", self.law_residual),
             ("energy_imbalance", self.imbalance),
-        ]
+        ];
+        columns.extend(self.sleep.map(|lost| ("sleep_dissipation", lost)));
+        columns
     }
 }
 

@@ -62,11 +62,13 @@ pub enum Requirement {
     EnergyBudget,
     /// Replays whose ghosts yield on their recorded paths.
     CompliantGhosts,
+    /// Sleep of resting particles.
+    Sleeping,
 }
 
 impl Requirement {
     /// Every requirement there is.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::LinearLaw,
         Self::HertzMindlinLaw,
         Self::DirectStiffness,
@@ -90,6 +92,7 @@ impl Requirement {
         Self::Checkpoints,
         Self::EnergyBudget,
         Self::CompliantGhosts,
+        Self::Sleeping,
     ];
 
     /// What a scene asks for with it, and what may be done where a backend does not have it.
@@ -128,6 +131,7 @@ impl Requirement {
             }
             Self::EnergyBudget => "the energy budget; set output.energy = false",
             Self::CompliantGhosts => "ghosts that yield (path = \"compliant\"); use path = \"recorded\"",
+            Self::Sleeping => "particles that sleep; remove solver.sleeping",
         }
     }
 }
@@ -152,12 +156,13 @@ impl Capabilities {
     #[must_use]
     pub fn liggghts() -> Self {
         // An energy budget is left out with a warning: it is something to be written, and changes no result.
-        const LACKS: [Requirement; 5] = [
+        const LACKS: [Requirement; 6] = [
             Requirement::MixedStiffness,
             Requirement::IncrementalTangentialLaw,
             Requirement::PlaneProblem,
             Requirement::Checkpoints,
             Requirement::CompliantGhosts,
+            Requirement::Sleeping,
         ];
         let can = Requirement::ALL.into_iter().filter(|need| !LACKS.contains(need)).collect();
         Self { backend: BackendName::Liggghts.text().to_owned(), can }
@@ -212,6 +217,7 @@ pub fn requirements(scene: &Scene) -> Vec<Requirement> {
     need(scene.domain.periodic.contains(&true), Requirement::PeriodicBorders);
     need(scene.start_checkpoint.is_some(), Requirement::Checkpoints);
     need(scene.output.energy, Requirement::EnergyBudget);
+    need(scene.solver.sleeping.is_some(), Requirement::Sleeping);
     for part in &scene.parts {
         need(matches!(part.surface, Surface::Mesh(_)), Requirement::Meshes);
         need(matches!(part.surface, Surface::Frustum { .. }), Requirement::Frustums);

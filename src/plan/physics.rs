@@ -8,7 +8,7 @@ use crate::dem::law::{RollingLaw, TangentialLaw};
 use crate::geometry::motion::MotionKind;
 use crate::geometry::part::{Part, Surface, Trigger};
 use crate::particle::Body;
-use crate::scene::Scene;
+use crate::scene::{Scene, Sleeping};
 use serde::Serialize;
 
 /// Models that can be forced on or off by name; all others are what the scene is made of.
@@ -57,6 +57,7 @@ pub fn decide(scene: &Scene, findings: &mut Vec<PlanFinding>) -> Vec<ModelDecisi
     models.push(needs.plane_problem());
     let blind = "losses are not booked: the budget's columns stay empty";
     models.push(force(needs.energy_budget(), scene, blind));
+    models.extend(needs.sleeping());
     check_forced_names(scene, &models, findings);
     models
 }
@@ -196,6 +197,16 @@ impl Needs<'_> {
                 decision("plane_problem", true, format!("discs of {thickness} m thickness in the plane y = 0"))
             }
         }
+    }
+
+    /// A shortcut: said where it is taken.
+    fn sleeping(&self) -> Option<ModelDecision> {
+        let Sleeping { speed, hold, unbalanced } = self.scene.solver.sleeping?;
+        let (speed, hold, share) = (1e3 * speed, 1e3 * hold, 100.0 * unbalanced);
+        let reason = format!(
+            "a shortcut: who is slower than {speed:.4} mm/s for {hold:.4} ms stays put until out of balance by {share:.4} % of its weight"
+        );
+        Some(decision("sleeping", true, reason))
     }
 
     fn energy_budget(&self) -> ModelDecision {

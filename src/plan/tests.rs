@@ -71,6 +71,7 @@ fn scene() -> Scene {
             timestep: None,
             timestep_fraction: 0.2,
             skin: None,
+            sleeping: None,
             overlap_limit: 0.1,
             impact_speed: None,
             forced_models: Vec::new(),

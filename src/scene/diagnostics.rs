@@ -113,6 +113,7 @@ pub const ALL_IDS: &[&str] = &[
     "sieve-sum",
     "size-cut",
     "size-order",
+    "sleeping-gravity",
     "stage-cycle",
     "stage-empty",
     "stiffness-law",

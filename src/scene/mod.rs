@@ -134,8 +134,22 @@ pub struct SolverSettings {
     pub overlap_limit: f64,
     /// Speed at which particles are expected to hit something [m/s]; `None` for the plan's estimate.
     pub impact_speed: Option<f64>,
+    /// When resting particles fall asleep; `None` where they never do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sleeping: Option<Sleeping>,
     /// Models forced on or off by name.
     pub forced_models: Vec<(String, bool)>,
+}
+
+/// When resting particles fall asleep.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sleeping {
+    /// Speed below which a particle may fall asleep [m/s].
+    pub speed: f64,
+    /// How long it must have been slow and balanced [s].
+    pub hold: f64,
+    /// Unbalanced force over the weight at which a sleeper wakes [-].
+    pub unbalanced: f64,
 }
 
 /// When a run ends; `time` is always there.

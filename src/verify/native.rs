@@ -27,6 +27,7 @@ impl Experiment for Native {
             overlap_limit: setup.overlap_limit,
             energy: setup.energy,
             momentum: false,
+            sleeping: None,
             threads: 1,
             simd: SimdLevel::best(),
         });

@@ -83,6 +83,7 @@ pub fn empty(radius: f64, law: LawSettings, properties: PairProperties) -> Setup
         overlap_limit: 0.3,
         energy: true,
         momentum: false,
+        sleeping: None,
         threads: 1,
         simd: SimdLevel::best(),
     }

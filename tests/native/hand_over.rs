@@ -183,8 +183,8 @@ fn deviation(lower: &Simulation, whole: &Whole) -> f64 {
 }
 
 fn size(budget: &MomentumBudget) -> f64 {
-    let MomentumBudget { momentum, gravity, walls, ghosts, tethers, hand_over, inserted, removed } = budget;
-    [momentum, gravity, walls, ghosts, tethers, hand_over, inserted, removed].into_iter().map(Vec3::norm).sum()
+    let MomentumBudget { momentum, gravity, walls, ghosts, tethers, sleep, hand_over, inserted, removed } = budget;
+    [momentum, gravity, walls, ghosts, tethers, sleep, hand_over, inserted, removed].into_iter().map(Vec3::norm).sum()
 }
 
 /// What came out of running whole and lower part side by side.

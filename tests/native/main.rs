@@ -14,6 +14,7 @@ mod held_contacts;
 mod lists;
 mod prescribed;
 mod simd;
+mod sleeping;
 mod tether;
 mod views;
 mod walls;

@@ -21,6 +21,7 @@ pub fn refusals<'a>(
         }
     };
     lacks(Requirement::CompliantGhosts, replays.into_iter().any(|replay| replay.path == PathMode::Compliant));
+    lacks(Requirement::Sleeping, scene.solver.sleeping.is_some());
     found
 }
 
@@ -73,6 +74,13 @@ mod tests {
     fn a_value_that_it_does_not_take_is_a_no_without_anything_missing() {
         let verdict = on(&[("pair.0.restitution", "0.04")]);
         assert!(!verdict.can() && verdict.missing.is_empty() && verdict.reasons.len() == 1, "{verdict:?}");
+    }
+
+    #[test]
+    fn sleep_is_for_the_native_solver() {
+        let verdict = on(&[("solver.sleeping", "{ speed = \"0.1 mm/s\", hold = \"20 ms\" }")]);
+        assert_eq!(verdict.missing, [Requirement::Sleeping]);
+        assert!(verdict.reasons.iter().any(|reason| reason.contains("remove solver.sleeping")), "{verdict:?}");
     }
 
     #[test]

@@ -72,6 +72,7 @@ fn lattice(scene: &Scene, plan: &Plan, processor: Processor, sphere: &ParticleSt
         domain: Bounds { minimum: [-room; 3], maximum: [2.0 * room; 3] },
         gravity: Vec3::zeros(),
         overlap_limit: f64::INFINITY,
+        sleeping: None,
         ..super::setup::setup(scene, plan, processor)
     };
     let mut simulation = Simulation::new(setup);

@@ -63,6 +63,7 @@ fn row(simulation: &Simulation, scene: &Scene) -> SeriesRow {
         inserted: budget.inserted,
         removed: budget.removed,
         law_residual: budget.law_residual,
+        sleep: simulation.setup().sleeping.map(|_| budget.sleep),
         imbalance: budget.sum(),
     });
     let parts = scene.parts.iter().zip(simulation.part_loads()).map(|(part, load)| PartRow {

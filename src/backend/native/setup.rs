@@ -3,6 +3,7 @@
 use super::processor::Processor;
 use crate::dem::law::RollingLaw;
 use crate::dem::simulation::Setup;
+use crate::dem::sleep::SleepSettings;
 use crate::plan::Plan;
 use crate::scene::Scene;
 
@@ -34,6 +35,11 @@ pub fn setup(scene: &Scene, plan: &Plan, processor: Processor) -> Setup {
         overlap_limit: scene.solver.overlap_limit,
         energy: plan.is_on("energy_budget"),
         momentum: false,
+        sleeping: scene.solver.sleeping.map(|sleeping| SleepSettings {
+            speed: sleeping.speed,
+            hold: sleeping.hold,
+            acceleration: sleeping.unbalanced * scene.gravity.norm(),
+        }),
         threads: processor.threads,
         simd: processor.simd,
     }

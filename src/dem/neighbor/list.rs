@@ -1,6 +1,7 @@
 //! Pair lists of one chunk: candidates (outer) and the pruned list that the contact kernel walks (inner).
 
 use crate::dem::particles::{Sphere, Velocity};
+use crate::dem::resting::{RestingPairs, Run};
 use crate::math::Vec3;
 use crate::math::lanes::MOST_LANES;
 use std::ops::Range;
@@ -113,6 +114,8 @@ pub struct InnerList {
     pub effective_masses: Vec<f64>,
     /// Memory of each pair.
     pub memory: PairMemory,
+    /// Forces of the pairs that rest, for this list alone.
+    pub resting: RestingPairs,
 }
 
 /// What an inner list keeps in mind of its contacts.
@@ -139,6 +142,26 @@ impl PairMemory {
             for (list, component) in lists.iter_mut().zip(vector.iter()) {
                 if let Some(slot) = list.get_mut(entry) {
                     *slot = *component;
+                }
+            }
+        }
+    }
+
+    /// The memories of a run of pairs.
+    #[must_use]
+    pub fn part(&self, pairs: Range<usize>) -> Self {
+        let part = |lists: &[Vec<f64>; 3]| {
+            lists.each_ref().map(|list| list.get(pairs.clone()).map(<[f64]>::to_vec).unwrap_or_default())
+        };
+        Self { tangential: part(&self.tangential), rolling: part(&self.rolling) }
+    }
+
+    /// Puts the memories of a run of pairs back, as [`PairMemory::part`] took them from `from` on.
+    pub fn put_back(&mut self, from: usize, part: &Self) {
+        for (lists, parts) in [(&mut self.tangential, &part.tangential), (&mut self.rolling, &part.rolling)] {
+            for (list, part) in lists.iter_mut().zip(parts) {
+                if let Some(place) = list.get_mut(from..from + part.len()) {
+                    place.copy_from_slice(part);
                 }
             }
         }
@@ -261,6 +284,7 @@ impl InnerList {
         self.partners.clear();
         self.places.clear();
         self.images.clear();
+        self.resting.forget();
         self.components().for_each(Vec::clear);
         self
     }
@@ -289,6 +313,12 @@ impl InnerList {
                 lists.iter_mut().for_each(|list| list.resize(length, 0.0));
             }
         }
+    }
+
+    /// The list cut into runs of blocks of which all particles sleep, or not all.
+    pub fn runs_by_rest(&mut self, velocities: &[Velocity]) -> Vec<Run> {
+        let length = self.count.next_multiple_of(MOST_LANES);
+        self.resting.runs([&self.owners[..length], &self.partners[..length]], self.count, velocities)
     }
 
     /// Number of pairs.

@@ -109,6 +109,12 @@ impl Walls {
         self.walls[usize::from(part)].present
     }
 
+    /// True where a part stays as it is for ever: neither it nor its surface moves.
+    #[must_use]
+    pub fn stands(&self, part: u16) -> bool {
+        self.walls[usize::from(part)].motion.terms.is_empty()
+    }
+
     /// Names of the parts, by index.
     pub fn part_names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.walls.iter().map(|wall| wall.name.as_str())

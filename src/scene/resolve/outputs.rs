@@ -6,12 +6,14 @@ use crate::scene::diagnostics::Place;
 use crate::scene::quantity::Dimension::{Dimensionless, Length, Time, Velocity};
 use crate::scene::reader::{Limit, Reader};
 use crate::scene::tree::{Node, Value};
-use crate::scene::{EndConditions, Measure, MeasureKind, OutputSettings, SolverSettings};
+use crate::scene::{EndConditions, Measure, MeasureKind, OutputSettings, Sleeping, SolverSettings};
 
 /// Share of the binding time-step limit [-].
 const TIMESTEP_FRACTION: f64 = 0.2;
 /// Largest overlap, as a share of the smaller radius [-].
 const OVERLAP_LIMIT: f64 = 0.1;
+/// Unbalanced force over the weight at which a sleeper wakes [-].
+const UNBALANCED: f64 = 0.01;
 /// Rows of `series.csv` where the scene does not say.
 const SERIES_ROWS: f64 = 200.0;
 
@@ -23,6 +25,7 @@ pub(super) fn solver(reader: &Reader<'_>) -> SolverSettings {
         skin: None,
         overlap_limit: OVERLAP_LIMIT,
         impact_speed: None,
+        sleeping: None,
         forced_models: Vec::new(),
     };
     let Some(table) = reader.table("solver", "solver") else { return settings };
@@ -35,6 +38,7 @@ pub(super) fn solver(reader: &Reader<'_>) -> SolverSettings {
     settings.skin = table.quantity("skin", Length, Limit::Positive);
     settings.overlap_limit = table.quantity("overlap_limit", Dimensionless, one).unwrap_or(OVERLAP_LIMIT);
     settings.impact_speed = table.quantity("impact_speed", Velocity, Limit::Positive);
+    settings.sleeping = table.table("sleeping", "solver.sleeping").and_then(sleeping);
     if let Some(models) = table.table("models", "solver.models") {
         for entry in &models.entries().entries {
             match entry.node.value {
@@ -45,6 +49,15 @@ pub(super) fn solver(reader: &Reader<'_>) -> SolverSettings {
     }
     table.finish();
     settings
+}
+
+/// The keys of `sleeping`.
+fn sleeping(table: Reader<'_>) -> Option<Sleeping> {
+    let speed = table.need_quantity("speed", Velocity, Limit::Positive);
+    let hold = table.need_quantity("hold", Time, Limit::Positive);
+    let unbalanced = table.quantity("unbalanced", Dimensionless, Limit::Within(0.0, 1.0)).unwrap_or(UNBALANCED);
+    table.finish();
+    Some(Sleeping { speed: speed?, hold: hold?, unbalanced })
 }
 
 /// Reads `[end]`.

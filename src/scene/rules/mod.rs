@@ -40,6 +40,7 @@ mod rigid_pair;
 mod sieve;
 mod size_cut;
 mod size_order;
+mod sleeping_gravity;
 mod stage_cycle;
 mod stage_empty;
 mod stage_missing;
@@ -121,6 +122,7 @@ const RULES: &[Rule] = &[
     sieve::check,
     size_cut::check,
     size_order::check,
+    sleeping_gravity::check,
     stage_cycle::check,
     stage_empty::check,
     stage_missing::check,

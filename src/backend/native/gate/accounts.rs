@@ -7,7 +7,7 @@ use crate::gate::ledger::{EnergyAccount, MomentumAccount};
 pub fn momentum(simulation: &Simulation) -> Option<MomentumAccount> {
     simulation.setup().momentum.then(|| {
         let budget = simulation.momentum_budget();
-        let entries = vec![
+        let mut entries: Vec<(&str, [f64; 3])> = vec![
             ("gravity", budget.gravity.into()),
             ("parts", budget.walls.into()),
             ("ghosts", budget.ghosts.into()),
@@ -16,6 +16,7 @@ pub fn momentum(simulation: &Simulation) -> Option<MomentumAccount> {
             ("came", budget.inserted.into()),
             ("went", (-budget.removed).into()),
         ];
+        entries.extend(simulation.setup().sleeping.map(|_| ("sleep", budget.sleep.into())));
         MomentumAccount::new([0.0; 3], budget.momentum.into(), entries)
     })
 }
@@ -24,7 +25,7 @@ pub fn momentum(simulation: &Simulation) -> Option<MomentumAccount> {
 pub fn energy(simulation: &Simulation) -> Option<EnergyAccount> {
     simulation.setup().energy.then(|| {
         let budget = simulation.energy();
-        let entries = vec![
+        let mut entries = vec![
             ("slip", -budget.slip),
             ("dashpot", -budget.dashpot),
             ("rolling", -budget.rolling),
@@ -35,6 +36,7 @@ pub fn energy(simulation: &Simulation) -> Option<EnergyAccount> {
             ("came", budget.inserted),
             ("went", -budget.removed),
         ];
+        entries.extend(simulation.setup().sleeping.map(|_| ("sleep", -budget.sleep)));
         EnergyAccount::new(0.0, budget.mechanical(), entries)
     })
 }
