@@ -294,7 +294,7 @@ fn both_prescribed<L: Lanes>(scene: &ContactScene, block: &Block) -> L::Mask {
 #[inline(always)]
 fn pairs_of<L: Lanes>(scene: &ContactScene, block: &Block) -> PairConstants<L> {
     let material = |index: u32| scene.velocities[index as usize].material;
-    PairConstants::by_lane(|lane| scene.law.pair(material(block.own[lane]), material(block.partner[lane])))
+    scene.law.pairs(|lane| [material(block.own[lane]), material(block.partner[lane])])
 }
 
 /// [`ContactScene::closing_lag`] of every lane.

@@ -288,9 +288,9 @@ impl WallKernel<'_> {
         let pair = match single {
             Some(pair) => pair,
             None => {
-                several = PairConstants::by_lane(|lane| {
-                    scene.law.pair(material(lane), u32::from(walls.material(block.parts[lane.min(block.count - 1)])))
-                });
+                several = scene
+                    .law
+                    .pairs(|lane| [material(lane), u32::from(walls.material(block.parts[lane.min(block.count - 1)]))]);
                 &several
             }
         };

@@ -80,7 +80,7 @@ impl<L: Lanes> PairConstants<L> {
     /// The pair that `of` gives for each lane.
     #[inline(always)]
     #[must_use]
-    pub fn by_lane<'a>(of: impl Fn(usize) -> &'a PairConstants) -> Self {
+    fn by_lane<'a>(of: impl Fn(usize) -> &'a PairConstants) -> Self {
         let given = (0..L::COUNT).fold(0_u16, |bits, lane| bits | u16::from(of(lane).given.is_some()) << lane);
         let stiffness = |lane: usize| of(lane).given.map_or(GivenStiffness::NONE, |(stiffness, _)| stiffness);
         Self {
@@ -91,6 +91,22 @@ impl<L: Lanes> PairConstants<L> {
             given: (given != 0).then(|| (GivenStiffness::by_lane(stiffness), L::Mask::from_bits(given))),
             sliding_friction: lane_by_lane(|lane| of(lane).sliding_friction),
             rolling_friction: lane_by_lane(|lane| of(lane).rolling_friction),
+        }
+    }
+}
+
+impl<L: Lanes> PairConstants<L> {
+    /// From the columns of rows, one row a lane.
+    #[inline(always)]
+    fn from_columns([youngs, shear, damping, root, sliding, rolling, ..]: [L; 8]) -> Self {
+        Self {
+            effective_youngs_modulus: youngs,
+            effective_shear_modulus: shear,
+            damping_factor: damping,
+            root_of_stiffness_ratio: root,
+            given: None,
+            sliding_friction: sliding,
+            rolling_friction: rolling,
         }
     }
 }
@@ -115,6 +131,20 @@ impl PairConstants {
             _ => (0.0, 0.0),
         };
         Some(Self::from_properties(properties, youngs, shear))
+    }
+
+    /// The constants in a row, unless the stiffness is given directly. See [`PairConstants::from_columns`].
+    fn row(&self) -> Option<[f64; 8]> {
+        self.given.is_none().then_some([
+            self.effective_youngs_modulus,
+            self.effective_shear_modulus,
+            self.damping_factor,
+            self.root_of_stiffness_ratio,
+            self.sliding_friction,
+            self.rolling_friction,
+            0.0,
+            0.0,
+        ])
     }
 
     fn from_properties(properties: &PairProperties, youngs: f64, shear: f64) -> Self {
@@ -150,6 +180,8 @@ pub struct LawTable {
     /// The scene's settings.
     pub settings: LawSettings,
     constants: Vec<PairConstants>,
+    /// The same as rows, as lanes gather them; none where a pair has its stiffness given.
+    rows: Vec<[f64; 8]>,
     materials: usize,
 }
 
@@ -172,7 +204,30 @@ impl LawTable {
             // Not-a-number makes the watchdog stop a contact that the scene knows nothing about.
             PairConstants::of(table, a as u16, b as u16).unwrap_or(absent)
         };
-        Self { settings, constants: (0..materials * materials).map(pair).collect(), materials }
+        let constants: Vec<PairConstants> = (0..materials * materials).map(pair).collect();
+        let rows: Option<Vec<[f64; 8]>> = constants.iter().map(PairConstants::row).collect();
+        Self { settings, constants, rows: rows.unwrap_or_default(), materials }
+    }
+
+    /// The constants between the materials that `of` gives for each lane.
+    ///
+    /// # Panics
+    /// Where there is no such material.
+    #[inline(always)]
+    #[must_use]
+    pub fn pairs<L: Lanes>(&self, of: impl Fn(usize) -> [u32; 2]) -> PairConstants<L> {
+        let mut index = [0_u32; MOST_LANES];
+        for lane in 0..L::COUNT {
+            let [a, b] = of(lane);
+            index[lane] = a * self.materials as u32 + b;
+        }
+        let index = &index[..L::COUNT];
+        if self.rows.is_empty() {
+            return PairConstants::by_lane(|lane| &self.constants[index[lane] as usize]);
+        }
+        assert!(index.iter().all(|&pair| (pair as usize) < self.rows.len()), "materials that there are");
+        // SAFETY: as just looked at.
+        PairConstants::from_columns(unsafe { L::gather_eight(self.rows.as_ptr(), index) })
     }
 
     /// The constants between materials `a` and `b`.
