@@ -78,6 +78,9 @@ struct Progress {
     /// Empty while nobody was looked at whether it may fall asleep.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     calm_looks: Vec<u8>,
+    /// Storage indices of those who slept when the inner lists were made.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    listed_asleep: Vec<u32>,
 }
 
 impl SimulationRecord {
@@ -248,6 +251,7 @@ impl Simulation {
             feeds: self.feeds.state(),
             part_loads: self.part_loads.iter().map(load).collect(),
             calm_looks: self.particles.calm_looks.clone(),
+            listed_asleep: self.neighborhood.listed_asleep(),
         };
         serde_json::to_string(&progress).expect("plain numbers and names become JSON")
     }
@@ -363,7 +367,8 @@ impl Simulation {
         }
         let outer = record.rows::<3>("outer_reference", Some(count))?;
         let inner = record.rows::<3>("inner_reference", Some(count))?;
-        self.neighborhood.restore(&self.particles, outer, inner, progress.motion_bounds, &self.threads);
+        let (asleep, bounds) = (&progress.listed_asleep, progress.motion_bounds);
+        self.neighborhood.restore(&self.particles, [outer, inner], asleep, bounds, &self.threads);
         let memories = record.rows::<6>("pair_memory", None)?;
         self.neighborhood.set_pair_memory(&mut memories.iter().map(memory)).map_err(RecordError)?;
         let same_name =

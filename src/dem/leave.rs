@@ -1,4 +1,4 @@
-//! Particles that leave the domain, or are taken out.
+//! Particles that leave the domain, go round its periodic borders, or are taken out.
 
 use super::inspect::Partner;
 use super::removal::{Removal, RemovalCause};
@@ -75,5 +75,26 @@ impl Simulation {
         }
         let gone: HashSet<usize> = leavers.iter().map(|(index, _)| *index).collect();
         self.retain(|index| !gone.contains(&index));
+    }
+
+    /// Brings particles beyond a periodic border back on the other side.
+    pub(super) fn wrap_periodic(&mut self) {
+        let (domain, periodic) = (self.setup.domain, self.setup.periodic);
+        if periodic == [false; 3] {
+            return;
+        }
+        let mut lifted = 0.0;
+        for (sphere, velocity) in self.particles.spheres.iter_mut().zip(&self.particles.velocities) {
+            for axis in (0..3).filter(|&axis| periodic[axis]) {
+                let length = domain.maximum[axis] - domain.minimum[axis];
+                let turns = ((sphere.centre[axis] - domain.minimum[axis]) / length).floor();
+                sphere.centre[axis] -= turns * length;
+                if !velocity.path.is_prescribed() {
+                    lifted += turns * length * self.setup.gravity[axis] / velocity.inverse_mass;
+                }
+            }
+        }
+        // Where gravity has a component along a periodic axis, a particle that runs down comes back at the top.
+        self.booked.inserted += lifted;
     }
 }

@@ -5,7 +5,7 @@ use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Bodies, Images, InnerList, Memory, Remembered};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::neighbor::{cells::CellLevels, chunks::chunk_ranges};
-use super::particles::{Particles, Sphere, Velocity, only_material};
+use super::particles::{Particles, Sphere, Velocity, asleep, only_material};
 use super::simulation::Simulation;
 use super::sleep::ChunkRest;
 use super::wall::Candidate;
@@ -81,6 +81,8 @@ pub struct Neighborhood {
     pub(super) outer_reference: Vec<[f64; 3]>,
     /// Centres when the inner list was made.
     pub(super) inner_reference: Vec<[f64; 3]>,
+    /// Who slept when the inner list was made; empty where nobody did.
+    listed_asleep: Vec<bool>,
     /// Smallest radius [m]; infinite without particles.
     smallest_radius: f64,
     /// The particles' material, where all have the same.
@@ -111,6 +113,7 @@ impl Neighborhood {
             inner_skin: INNER_SHARE * settings.skin,
             outer_reference: Vec::new(),
             inner_reference: Vec::new(),
+            listed_asleep: Vec::new(),
             smallest_radius: f64::INFINITY,
             only_material: None,
             moved_since_outer: 0.0,
@@ -190,9 +193,15 @@ impl Neighborhood {
         self.only_material = only_material(velocities);
         self.moved_since_outer = 0.0;
         self.generation += 1;
+        self.listed_asleep = asleep(velocities);
         self.prune_with(spheres, velocities, threads, |_, owner, candidate| {
             held.of(old_index[owner as usize], old_index[candidate.partner as usize])
         });
+    }
+
+    /// Whether others sleep than when the inner lists were made.
+    pub(super) fn lists_others_asleep(&self, velocities: &[Velocity]) -> bool {
+        self.listed_asleep != asleep(velocities)
     }
 
     /// Makes the inner lists from the outer ones, each pair with the memory that `recall(place, owner, candidate)` gives.
@@ -204,9 +213,8 @@ impl Neighborhood {
         recall: impl Fn(u32, u32, super::neighbor::list::Candidate) -> Memory + Sync,
     ) {
         let (skin, remembered) = (self.inner_skin, self.settings.remembered());
-        let bodies = Bodies { spheres, velocities, images: &self.images };
-        let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
-        threads.for_each(chunks, |chunk| {
+        let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
+        threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, .. } = chunk;
             for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
                 *inner = outer.pruned(bodies, skin, remembered, &recall, std::mem::take(inner));
@@ -219,9 +227,9 @@ impl Neighborhood {
     /// Makes the inner lists from the outer ones anew, memories kept.
     fn prune(&mut self, spheres: &[Sphere], velocities: &[Velocity], threads: &super::threads::Threads) {
         let (skin, remembered) = (self.inner_skin, self.settings.remembered());
-        let bodies = Bodies { spheres, velocities, images: &self.images };
-        let chunks: Vec<&mut Chunk> = self.chunks.iter_mut().collect();
-        threads.for_each(chunks, |chunk| {
+        self.listed_asleep = asleep(velocities);
+        let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
+        threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, worn, .. } = chunk;
             for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
                 let next = outer.pruned(bodies, skin, remembered, inner.recall_in_order(), std::mem::take(worn));
@@ -299,6 +307,11 @@ impl Neighborhood {
         [self.moved_since_outer, self.moved_since_inner, self.approached_walls]
     }
 
+    /// Storage indices of those who slept when the inner lists were made.
+    pub(super) fn listed_asleep(&self) -> Vec<u32> {
+        (0_u32..).zip(&self.listed_asleep).filter_map(|(index, asleep)| asleep.then_some(index)).collect()
+    }
+
     pub(super) fn set_motion_bounds(&mut self, bounds: [f64; 3]) {
         [self.moved_since_outer, self.moved_since_inner, self.approached_walls] = bounds;
     }
@@ -319,21 +332,23 @@ impl Neighborhood {
     }
 
     /// Makes the lists that a checkpoint was taken with: cells and outer list at its outer reference centres, inner list at its
-    /// inner ones, without memory.
+    /// inner ones, with those asleep who slept then, without memory.
     pub(super) fn restore(
         &mut self,
         particles: &Particles,
-        outer_reference: Vec<[f64; 3]>,
-        inner_reference: Vec<[f64; 3]>,
+        [outer_reference, inner_reference]: [Vec<[f64; 3]>; 2],
+        listed_asleep: &[u32],
         bounds: [f64; 3],
         threads: &super::threads::Threads,
     ) {
         let placed = |centres: &[[f64; 3]]| -> Vec<Sphere> {
             particles.spheres.iter().zip(centres).map(|(s, c)| Sphere { centre: *c, radius: s.radius }).collect()
         };
-        let order: Vec<u32> = (0..particles.len() as u32).collect();
-        let velocities = &particles.velocities;
+        let (order, velocities) = ((0..particles.len() as u32).collect::<Vec<u32>>(), &particles.velocities);
         self.make_lists(&placed(&outer_reference), velocities, &order, &HeldMemory::default(), threads);
+        // Ascending, as they were written.
+        let listed = |index: &u32| listed_asleep.binary_search(index).is_ok();
+        self.listed_asleep = if listed_asleep.is_empty() { Vec::new() } else { order.iter().map(listed).collect() };
         self.prune_with(&placed(&inner_reference), velocities, threads, |_, _, _| Memory::NONE);
         // Nobody has collected the elements of parts for these lists yet.
         self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
@@ -356,23 +371,28 @@ impl Simulation {
         let started = Instant::now();
         let neighborhood = &mut self.neighborhood;
         if 2.0 * neighborhood.moved_since_inner > neighborhood.inner_skin {
-            let spheres = &self.particles.spheres;
-            let moved = largest_displacement(spheres, &neighborhood.inner_reference);
+            let moved = largest_displacement(&self.particles.spheres, &neighborhood.inner_reference);
             neighborhood.moved_since_inner = moved;
             if 2.0 * moved > RENEW_SHARE * neighborhood.inner_skin {
-                let far = largest_displacement(spheres, &neighborhood.outer_reference);
-                neighborhood.moved_since_outer = far;
-                if 2.0 * far + neighborhood.inner_skin > neighborhood.settings.skin {
-                    self.rebuild_neighborhood();
-                } else {
-                    neighborhood.prune(spheres, &self.particles.velocities, &self.threads);
-                }
+                self.renew_lists();
             }
         }
         if self.neighborhood.approached_walls > self.neighborhood.settings.skin {
             self.collect_wall_candidates();
         }
         self.phases.neighborhood += started.elapsed();
+    }
+
+    /// Makes the inner lists anew, and the outer ones too where these are too old for that.
+    pub(super) fn renew_lists(&mut self) {
+        let (neighborhood, spheres) = (&mut self.neighborhood, &self.particles.spheres);
+        let far = largest_displacement(spheres, &neighborhood.outer_reference);
+        neighborhood.moved_since_outer = far;
+        if 2.0 * far + neighborhood.inner_skin > neighborhood.settings.skin {
+            self.rebuild_neighborhood();
+        } else {
+            neighborhood.prune(spheres, &self.particles.velocities, &self.threads);
+        }
     }
 
     /// Sorts the particles into storage order and makes every list anew, contact memories kept.
@@ -407,26 +427,6 @@ impl Simulation {
         self.neighborhood.make_lists(spheres, velocities, &from_old, &held, &self.threads);
         self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &from_old);
-    }
-
-    fn wrap_periodic(&mut self) {
-        let (domain, periodic) = (self.setup.domain, self.setup.periodic);
-        if periodic == [false; 3] {
-            return;
-        }
-        let mut lifted = 0.0;
-        for (sphere, velocity) in self.particles.spheres.iter_mut().zip(&self.particles.velocities) {
-            for axis in (0..3).filter(|&axis| periodic[axis]) {
-                let length = domain.maximum[axis] - domain.minimum[axis];
-                let turns = ((sphere.centre[axis] - domain.minimum[axis]) / length).floor();
-                sphere.centre[axis] -= turns * length;
-                if !velocity.path.is_prescribed() {
-                    lifted += turns * length * self.setup.gravity[axis] / velocity.inverse_mass;
-                }
-            }
-        }
-        // Where gravity has a component along a periodic axis, a particle that runs down comes back at the top.
-        self.booked.inserted += lifted;
     }
 
     /// All contacts with parts, renumbered: `old_index[new] = old`. Sorted by the new numbers.

@@ -287,3 +287,10 @@ pub fn only_material(velocities: &[Velocity]) -> Option<u32> {
     let first = velocities.first()?.material;
     velocities.iter().all(|velocity| velocity.material == first).then_some(first)
 }
+
+/// Who sleeps; empty where nobody does.
+#[must_use]
+pub fn asleep(velocities: &[Velocity]) -> Vec<bool> {
+    let asleep = |velocity: &Velocity| velocity.path == Path::Asleep;
+    if velocities.iter().any(asleep) { velocities.iter().map(asleep).collect() } else { Vec::new() }
+}

@@ -100,6 +100,8 @@ pub struct PairMemory {
 pub struct InnerList {
     /// How many pairs.
     count: usize,
+    /// How many of them, the first ones, were not of two sleepers when the list was made.
+    awake: usize,
     /// The particle of each pair that the chunk owns; padded to whole blocks of lanes with the last one.
     pub owners: Vec<u32>,
     /// The other particle of each pair; padded likewise.
@@ -186,6 +188,15 @@ pub struct Bodies<'a> {
     pub velocities: &'a [Velocity],
     /// Periodic images.
     pub images: &'a Images,
+    /// Who sleeps, as the list is to know it; empty where nobody does.
+    pub asleep: &'a [bool],
+}
+
+impl Bodies<'_> {
+    /// Whether both particles of a pair sleep.
+    fn rest(&self, indices: [usize; 2]) -> bool {
+        indices.into_iter().all(|index| self.asleep.get(index).copied().unwrap_or(false))
+    }
 }
 
 /// Particles whose pairs are mixed: enough for every lane of a block to belong to another one, few enough to stay in the nearest cache.
@@ -222,8 +233,8 @@ impl OuterList {
         list
     }
 
-    /// The pairs within `skin` [m] of contact, in the same order, each with the memory that
-    /// `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
+    /// The pairs within `skin` [m] of contact, in the same order but for those of two sleepers, which come last, each with the memory
+    /// that `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
     #[must_use]
     pub fn pruned(
         &self,
@@ -233,11 +244,18 @@ impl OuterList {
         mut recall: impl FnMut(u32, u32, Candidate) -> Memory,
         worn: InnerList,
     ) -> InnerList {
-        let Bodies { spheres, velocities, images } = bodies;
+        let Bodies { spheres, velocities, images, asleep } = bodies;
         let mut inner = worn.emptied();
         let has_images = self.candidates.iter().any(|candidate| candidate.image != NO_IMAGE);
-        for ((place, &owner), &candidate) in (0_u32..).zip(&self.owners).zip(&self.candidates) {
+        let turns: &[bool] = if asleep.is_empty() { &[false] } else { &[false, true] };
+        let pairs = (0_u32..).zip(&self.owners).zip(&self.candidates);
+        for (&resting, ((place, &owner), &candidate)) in
+            turns.iter().flat_map(|turn| pairs.clone().map(move |p| (turn, p)))
+        {
             let indices = [owner as usize, candidate.partner as usize];
+            if !asleep.is_empty() && bodies.rest(indices) != resting {
+                continue;
+            }
             let [own, other] = indices.map(|index| &spheres[index]);
             let mut distance = other.position() - own.position();
             if candidate.image != NO_IMAGE {
@@ -248,6 +266,7 @@ impl OuterList {
                 inner.places.push(place);
                 inner.owners.push(owner);
                 inner.partners.push(candidate.partner);
+                inner.awake += usize::from(!resting);
                 if has_images {
                     inner.images.push(candidate.image);
                 }
@@ -284,6 +303,7 @@ impl InnerList {
         self.partners.clear();
         self.places.clear();
         self.images.clear();
+        self.awake = 0;
         self.resting.forget();
         self.components().for_each(Vec::clear);
         self
@@ -355,13 +375,23 @@ impl InnerList {
 
     /// A reader that finds the memory of pairs of the same outer list, asked for in its order.
     pub fn recall_in_order(&self) -> impl FnMut(u32, u32, Candidate) -> Memory {
-        let mut next = 0;
+        // Both parts of the list stand in order, and so does what is asked for in either of its turns.
+        let parts = [(0, &self.places[..self.awake]), (self.awake, &self.places[self.awake..])];
+        let (mut next, mut last) = ([0; 2], 0);
         move |place, _, _| {
-            while self.places.get(next).is_some_and(|held| *held < place) {
-                next += 1;
+            if place < last {
+                next = [0; 2];
             }
-            let held = self.places.get(next).is_some_and(|held| *held == place);
-            if held { self.memory.get(next).unwrap_or(Memory::NONE) } else { Memory::NONE }
+            last = place;
+            for ((start, places), next) in parts.iter().zip(&mut next) {
+                while places.get(*next).is_some_and(|held| *held < place) {
+                    *next += 1;
+                }
+                if places.get(*next).is_some_and(|held| *held == place) {
+                    return self.memory.get(start + *next).unwrap_or(Memory::NONE);
+                }
+            }
+            Memory::NONE
         }
     }
 }
