@@ -6,7 +6,9 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::time::{Duration, Instant};
 use tollgate::dem::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
+use tollgate::dem::particles::Path;
 use tollgate::dem::simulation::{Setup, Simulation};
+use tollgate::dem::sleep::SleepSettings;
 use tollgate::geometry::motion::Motion;
 use tollgate::geometry::part::{Part, Surface, TriangleMesh, Trigger};
 use tollgate::material::{Elasticity, Material, MaterialTable, PairContact, PairProperties};
@@ -152,6 +154,31 @@ fn dense_bed(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// The same bed once it has come to rest: asleep, and woken. At a time step that lets accelerations come to rest too.
+fn sleeping_bed(criterion: &mut Criterion) {
+    let settled = settled_bed(20, 24, box_planes, 12_000);
+    let sleeping = Some(SleepSettings { speed: 5e-3, hold: 5e-3, acceleration: 0.02 * 9.81 });
+    let setup = Setup { timestep: 1e-5, ..settled.setup().clone() };
+    let asking = Setup { sleeping, ..setup.clone() };
+    let mut asleep = Simulation::start_from(asking, &settled.record()).expect("the same bed");
+    let sleepers = |bed: &Simulation| bed.views().filter(|view| view.path == Path::Asleep).count();
+    for _ in 0..30 {
+        timed_steps(&mut asleep, 1000);
+        if sleepers(&asleep) == asleep.particle_count() {
+            break;
+        }
+    }
+    eprintln!("{} of {} sleep after {:.3} s", sleepers(&asleep), asleep.particle_count(), asleep.time());
+    let mut awake = Simulation::start_from(setup, &asleep.record()).expect("the same materials");
+    let mut group = criterion.benchmark_group("dem::sleeping_bed_9600");
+    group.throughput(Throughput::Elements(settled.particle_count() as u64)).sample_size(20);
+    for turn in 0..2 {
+        group.bench_function(format!("awake_{turn}"), |bencher| bencher.iter_custom(|n| timed_steps(&mut awake, n)));
+        group.bench_function(format!("asleep_{turn}"), |bencher| bencher.iter_custom(|n| timed_steps(&mut asleep, n)));
+    }
+    group.finish();
+}
+
 /// Inserting nothing but one far particle rebuilds cells and lists, as a used-up skin does.
 fn rebuild(criterion: &mut Criterion) {
     let bed = settled_bed(20, 24, box_planes, 500);
@@ -218,5 +245,5 @@ fn mixed_bed(big: usize) -> Simulation {
     bed
 }
 
-criterion_group!(benches, dense_bed, rebuild, wall_contacts, size_ratio);
+criterion_group!(benches, dense_bed, sleeping_bed, rebuild, wall_contacts, size_ratio);
 criterion_main!(benches);
