@@ -5,7 +5,7 @@ use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Bodies, Images, InnerList, Memory, Remembered};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::neighbor::{cells::CellLevels, chunks::chunk_ranges};
-use super::particles::{Particles, Sphere, Velocity, asleep, only_material};
+use super::particles::{Particles, Sphere, Velocity, asleep, largest_displacement, only_material};
 use super::simulation::Simulation;
 use super::sleep::ChunkRest;
 use super::wall::Candidate;
@@ -353,16 +353,6 @@ impl Neighborhood {
         // Nobody has collected the elements of parts for these lists yet.
         self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
     }
-}
-
-/// Largest distance between where the particles are and where they were [m].
-fn largest_displacement(spheres: &[Sphere], reference: &[[f64; 3]]) -> f64 {
-    let square = spheres
-        .iter()
-        .zip(reference)
-        .map(|(sphere, old)| (sphere.position() - Vec3::from(*old)).norm_squared())
-        .fold(0.0, f64::max);
-    square.sqrt()
 }
 
 impl Simulation {

@@ -294,3 +294,13 @@ pub fn asleep(velocities: &[Velocity]) -> Vec<bool> {
     let asleep = |velocity: &Velocity| velocity.path == Path::Asleep;
     if velocities.iter().any(asleep) { velocities.iter().map(asleep).collect() } else { Vec::new() }
 }
+
+/// Largest distance between where the particles are and where they were [m].
+pub(super) fn largest_displacement(spheres: &[Sphere], reference: &[[f64; 3]]) -> f64 {
+    let square = spheres
+        .iter()
+        .zip(reference)
+        .map(|(sphere, old)| (sphere.position() - Vec3::from(*old)).norm_squared())
+        .fold(0.0, f64::max);
+    square.sqrt()
+}

@@ -217,9 +217,9 @@ impl LawTable {
     #[must_use]
     pub fn pairs<L: Lanes>(&self, of: impl Fn(usize) -> [u32; 2]) -> PairConstants<L> {
         let mut index = [0_u32; MOST_LANES];
-        for lane in 0..L::COUNT {
+        for (lane, pair) in index[..L::COUNT].iter_mut().enumerate() {
             let [a, b] = of(lane);
-            index[lane] = a * self.materials as u32 + b;
+            *pair = a * self.materials as u32 + b;
         }
         let index = &index[..L::COUNT];
         if self.rows.is_empty() {
