@@ -100,8 +100,8 @@ pub struct PairMemory {
 pub struct InnerList {
     /// How many pairs.
     count: usize,
-    /// How many of them, the first ones, were not of two sleepers when the list was made.
-    awake: usize,
+    /// How many of them are in each [`Section`], which stand one after the other.
+    sections: [usize; Section::COUNT],
     /// The particle of each pair that the chunk owns; padded to whole blocks of lanes with the last one.
     pub owners: Vec<u32>,
     /// The other particle of each pair; padded likewise.
@@ -197,6 +197,43 @@ impl Bodies<'_> {
     fn rest(&self, indices: [usize; 2]) -> bool {
         indices.into_iter().all(|index| self.asleep.get(index).copied().unwrap_or(false))
     }
+
+    /// Where a pair belongs in an inner list; nowhere beyond `skin` [m].
+    #[inline(always)]
+    fn section(&self, owner: u32, candidate: Candidate, skin: f64) -> Option<Section> {
+        let indices = [owner as usize, candidate.partner as usize];
+        let [own, other] = indices.map(|index| &self.spheres[index]);
+        let mut distance = other.position() - own.position();
+        if candidate.image != NO_IMAGE {
+            distance += self.images.offset(candidate.image);
+        }
+        let (square, touch) = (distance.norm_squared(), own.radius + other.radius);
+        let reach = touch + skin;
+        if square >= reach * reach {
+            None
+        } else if !self.asleep.is_empty() && self.rest(indices) {
+            Some(Section::Asleep)
+        } else if square < touch * touch {
+            Some(Section::Touching)
+        } else {
+            Some(Section::Near)
+        }
+    }
+}
+
+/// Where a pair stands in an inner list. Pairs alike stand together, so that lanes which the laws need not compute fill whole blocks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Section {
+    /// In contact when the list was made.
+    Touching = 0,
+    /// Apart when the list was made.
+    Near = 1,
+    /// Both asleep when the list was made.
+    Asleep = 2,
+}
+
+impl Section {
+    const COUNT: usize = 3;
 }
 
 /// Particles whose pairs are mixed: enough for every lane of a block to belong to another one, few enough to stay in the nearest cache.
@@ -233,8 +270,8 @@ impl OuterList {
         list
     }
 
-    /// The pairs within `skin` [m] of contact, in the same order but for those of two sleepers, which come last, each with the memory
-    /// that `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
+    /// The pairs within `skin` [m] of contact, section by section ([`Section`]), in each in the same order as here, each with the
+    /// memory that `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
     #[must_use]
     pub fn pruned(
         &self,
@@ -244,37 +281,32 @@ impl OuterList {
         mut recall: impl FnMut(u32, u32, Candidate) -> Memory,
         worn: InnerList,
     ) -> InnerList {
-        let Bodies { spheres, velocities, images, asleep } = bodies;
+        let Bodies { spheres, velocities, .. } = bodies;
         let mut inner = worn.emptied();
         let has_images = self.candidates.iter().any(|candidate| candidate.image != NO_IMAGE);
-        let turns: &[bool] = if asleep.is_empty() { &[false] } else { &[false, true] };
-        let pairs = (0_u32..).zip(&self.owners).zip(&self.candidates);
-        for (&resting, ((place, &owner), &candidate)) in
-            turns.iter().flat_map(|turn| pairs.clone().map(move |p| (turn, p)))
-        {
+        let mut kept: [Vec<u32>; Section::COUNT] = Default::default();
+        for ((place, &owner), &candidate) in (0_u32..).zip(&self.owners).zip(&self.candidates) {
+            if let Some(section) = bodies.section(owner, candidate, skin) {
+                kept[section as usize].push(place);
+            }
+        }
+        for (section, places) in inner.sections.iter_mut().zip(&kept) {
+            *section = places.len();
+        }
+        for place in kept.into_iter().flatten() {
+            let (owner, candidate) = (self.owners[place as usize], self.candidates[place as usize]);
             let indices = [owner as usize, candidate.partner as usize];
-            if !asleep.is_empty() && bodies.rest(indices) != resting {
-                continue;
+            let [own, other] = indices.map(|index| spheres[index].radius);
+            inner.places.push(place);
+            inner.owners.push(owner);
+            inner.partners.push(candidate.partner);
+            if has_images {
+                inner.images.push(candidate.image);
             }
-            let [own, other] = indices.map(|index| &spheres[index]);
-            let mut distance = other.position() - own.position();
-            if candidate.image != NO_IMAGE {
-                distance += images.offset(candidate.image);
-            }
-            let reach = own.radius + other.radius + skin;
-            if distance.norm_squared() < reach * reach {
-                inner.places.push(place);
-                inner.owners.push(owner);
-                inner.partners.push(candidate.partner);
-                inner.awake += usize::from(!resting);
-                if has_images {
-                    inner.images.push(candidate.image);
-                }
-                inner.effective_radii.push(effective_radius(own.radius, other.radius));
-                inner.effective_masses.push(effective_mass(indices.map(|index| velocities[index].inverse_mass)));
-                if remembered.tangential || remembered.rolling {
-                    inner.memory.push(remembered, &recall(place, owner, candidate));
-                }
+            inner.effective_radii.push(effective_radius(own, other));
+            inner.effective_masses.push(effective_mass(indices.map(|index| velocities[index].inverse_mass)));
+            if remembered.tangential || remembered.rolling {
+                inner.memory.push(remembered, &recall(place, owner, candidate));
             }
         }
         inner.pad(remembered);
@@ -303,7 +335,7 @@ impl InnerList {
         self.partners.clear();
         self.places.clear();
         self.images.clear();
-        self.awake = 0;
+        self.sections = [0; Section::COUNT];
         self.resting.forget();
         self.components().for_each(Vec::clear);
         self
@@ -375,12 +407,16 @@ impl InnerList {
 
     /// A reader that finds the memory of pairs of the same outer list, asked for in its order.
     pub fn recall_in_order(&self) -> impl FnMut(u32, u32, Candidate) -> Memory {
-        // Both parts of the list stand in order, and so does what is asked for in either of its turns.
-        let parts = [(0, &self.places[..self.awake]), (self.awake, &self.places[self.awake..])];
-        let (mut next, mut last) = ([0; 2], 0);
+        // Each section stands in order, and so does what is asked for of each.
+        let mut start = 0;
+        let parts = self.sections.map(|count| {
+            start += count;
+            (start - count, &self.places[start - count..start])
+        });
+        let (mut next, mut last) = ([0; Section::COUNT], 0);
         move |place, _, _| {
             if place < last {
-                next = [0; 2];
+                next = [0; Section::COUNT];
             }
             last = place;
             for ((start, places), next) in parts.iter().zip(&mut next) {
