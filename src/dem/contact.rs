@@ -116,7 +116,7 @@ impl<L: Lanes> Touch<L> {
     #[inline(always)]
     fn split_velocity(&self) -> (LaneVector<L>, L) {
         let closing = self.velocity.dot(&self.normal);
-        (self.lever_spin.cross(&self.normal) + self.velocity.plus(&self.normal, -closing), closing)
+        (self.lever_spin.cross(&self.normal) + self.velocity.minus(&self.normal, closing), closing)
     }
 
     /// What the normal laws look at.
@@ -164,14 +164,14 @@ pub fn answer<L: Lanes, const FRICTION: bool, const ROLLING: bool, const ENERGY:
             history,
         );
         force = tangential.force;
-        twist = touch.normal.cross(&tangential.force);
+        twist = tangential.twist;
         if ENERGY {
             lost.slip = tangential.slip;
             lost.dashpot = lost.dashpot + tangential.dashpot;
             lost.law_residual = tangential.residual;
         }
     }
-    force = force.plus(&touch.normal, -repulsion);
+    force = force.minus(&touch.normal, repulsion);
     if ROLLING {
         let motion = RollingMotion {
             relative_spin: touch.relative_spin,

@@ -119,7 +119,13 @@ impl ContactScene<'_> {
     ) -> Touch<L> {
         let rows = self.velocities.as_ptr().cast();
         // SAFETY: velocities are rows of eight numbers, and lists name only particles that there are.
-        let [a, b] = unsafe { [L::gather_eight(rows, block.own), L::gather_eight(rows, block.partner)] };
+        let (a, b, [x, y, z]) = unsafe {
+            (
+                L::gather_eight(rows, block.own),
+                L::gather_eight(rows, block.partner),
+                L::gather_differences(rows, block.own, block.partner),
+            )
+        };
         let spins = [LaneVector::new(a[4], a[5], a[6]), LaneVector::new(b[4], b[5], b[6])];
         let mut inverse_inertia = L::zero();
         if ROLLING {
@@ -130,8 +136,9 @@ impl ContactScene<'_> {
         Touch {
             normal: depth.normal,
             overlap: depth.overlap,
-            velocity: LaneVector::new(a[0] - b[0], a[1] - b[1], a[2] - b[2]),
-            lever_spin: (spins[0] * depth.levers[0]).plus(&spins[1], depth.levers[1]),
+            velocity: LaneVector::new(x, y, z),
+            // Products rounded on their own, so that it is the same seen from either particle.
+            lever_spin: spins[0] * depth.levers[0] + spins[1] * depth.levers[1],
             relative_spin: spins[0] - spins[1],
             effective_radius: effective[0],
             effective_mass: effective[1],

@@ -227,19 +227,16 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
         debug_assert!(block.own.iter().all(|&index| (index as usize).wrapping_sub(self.first) < loads.len()));
         // Indices count from the first of all particles.
         let rows: *mut [f64; 8] = loads.as_mut_ptr().cast::<[f64; 8]>().wrapping_sub(self.first);
-        let zero = L::zero();
-        let (force, [torque, counter_torque]) = (pushed.force, &pushed.torques);
-        let columns = |force: &LaneVector<L>, torque: &LaneVector<L>| {
-            [force.x, force.y, force.z, zero, torque.x, torque.y, torque.z, zero]
-        };
-        let own = columns(&force, torque);
+        let (zero, force) = (L::zero(), [pushed.force.x, pushed.force.y, pushed.force.z]);
+        let turns = pushed.torques.map(|torque| [torque.x, torque.y, torque.z]);
         // SAFETY: loads are rows of eight numbers; the owners of a chunk's pairs are the chunk's own particles, and with `BOTH` so
         // are their partners.
         unsafe {
             if BOTH {
-                L::add_to_rows(rows, [block.own, block.partner], [own, columns(&-force, counter_torque)]);
+                L::add_action(rows, [block.own, block.partner], force, turns);
             } else {
-                L::add_to_rows(rows, [block.own], [own]);
+                let ([x, y, z], [a, b, c]) = (force, turns[0]);
+                L::add_to_rows(rows, [block.own], [[x, y, z, zero, a, b, c, zero]]);
             }
         }
     }

@@ -131,7 +131,7 @@ impl LawSettings {
     #[inline(always)]
     #[must_use]
     pub fn repulsion<L: Lanes>(&self, stiffness: &ContactStiffness<L>, closing_speed: L) -> L {
-        let total = stiffness.elastic + stiffness.normal_damping * closing_speed;
+        let total = stiffness.normal_damping.mul_add(closing_speed, stiffness.elastic);
         if self.attraction { total } else { total.larger(L::zero()) }
     }
 }

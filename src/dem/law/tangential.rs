@@ -8,6 +8,8 @@ use crate::math::lanes::{LaneVector, Lanes};
 pub struct TangentialForce<L = f64> {
     /// Force on i [N].
     pub force: LaneVector<L>,
+    /// n x F_t [N].
+    pub twist: LaneVector<L>,
     /// Energy lost in sliding in this time step [J].
     pub slip: L,
     /// Energy lost in the tangential dashpot in this time step [J].
@@ -41,9 +43,9 @@ pub fn tangential_force<L: Lanes, const ENERGY: bool>(
     let total = settings.tangential == TangentialLaw::Total;
     let slip_velocity = &motion.slip_velocity;
     let lost = history.dot(direction);
-    let mut memory = history.plus(direction, -lost);
+    let mut memory = history.minus(direction, lost);
     if ours {
-        memory = memory * length_restored(lost, &memory);
+        memory = memory * length_restored(lost, history.norm_squared());
     }
     let (before, after) = if ours { (0.5 * timestep, 0.5 * timestep) } else { (timestep, 0.0) };
     let gain = if total { L::splat(1.0) } else { stiffness.tangential_stiffness };
@@ -51,20 +53,23 @@ pub fn tangential_force<L: Lanes, const ENERGY: bool>(
     let damping = if settings.tangential_damping { stiffness.tangential_damping } else { L::zero() };
     let mut force = if total { trial * -stiffness.tangential_stiffness } else { -trial };
     if ours {
-        force = force.plus(slip_velocity, -damping);
+        force = force.minus(slip_velocity, damping);
     }
     let limit = friction * if ours { repulsion.larger(L::zero()) } else { repulsion.abs() };
     let square = force.norm_squared();
     let slides = square.exceeds(limit * limit);
     // No branch: which lanes slide cannot be foretold, and a wrong guess costs more than the root.
     let ratio = L::select(slides, limit / square.sqrt(), L::splat(1.0));
+    // Turned before the limit is known, so that less waits for it.
+    let mut twist = direction.cross(&force) * ratio;
     force = force * ratio;
     let kept = trial * ratio;
     if !ours {
-        force = LaneVector::select(slides, &force, &force.plus(slip_velocity, -damping));
+        force = LaneVector::select(slides, &force, &force.minus(slip_velocity, damping));
+        twist = direction.cross(&force);
     }
     *history = kept.plus(slip_velocity, L::splat(after) * gain);
-    let mut result = TangentialForce { force, slip: L::zero(), dashpot: L::zero(), residual: L::zero() };
+    let mut result = TangentialForce { force, twist, slip: L::zero(), dashpot: L::zero(), residual: L::zero() };
     if ENERGY {
         let spring = Spring { memory, trial, kept, ratio, slides };
         book_losses(settings, stiffness, motion, &spring, timestep, &mut result);
@@ -128,12 +133,13 @@ fn book_losses<L: Lanes>(
     };
 }
 
-/// Factor that gives the projected spring its length before the projection, to second order in the part `lost` along the
-/// normal: the spring turns with the contact.
+/// Factor that gives a spring of this `square` of its length its length back after the part `lost` along the normal was taken away, to
+/// second order in that part: the spring turns with the contact.
 #[inline(always)]
-fn length_restored<L: Lanes>(lost: L, projected: &LaneVector<L>) -> L {
-    let square = projected.norm_squared();
-    let factor = L::splat(1.0) + L::splat(0.5) * (lost * lost).smaller(square) / square;
+fn length_restored<L: Lanes>(lost: L, square: L) -> L {
+    // Divided first: the spring is known long before the normal is.
+    let inverse = L::splat(0.5) / square;
+    let factor = (lost * lost).mul_add(inverse, L::splat(1.0));
     L::select(square.exceeds(L::zero()), factor, L::splat(1.0))
 }
 

@@ -1,8 +1,8 @@
 //! Lanes: several f64 that go through the same arithmetic at once.
 //!
 //! A formula is written once, over [`Lanes`], and compiled for every instruction set; [`at_level`] chooses one at run time. Only
-//! operations that IEEE 754 rounds correctly are offered (no fused multiply-add, no approximate reciprocals), so every level
-//! gives the same bits, and a plain f64, which is one lane, is the reference.
+//! operations that IEEE 754 rounds correctly are offered, the fused multiply-add among them (no approximate reciprocals), so every
+//! level gives the same bits, and a plain f64, which is one lane, is the reference.
 
 mod portable;
 mod twice;
@@ -57,6 +57,10 @@ pub trait Lanes:
     /// # Panics
     /// Where the list is shorter.
     fn write_to(self, list: &mut [f64]);
+    /// `self * factor + addend`, rounded once.
+    fn mul_add(self, factor: Self, addend: Self) -> Self;
+    /// `minuend - self * factor`, rounded once.
+    fn mul_from(self, factor: Self, minuend: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Absolute value.
@@ -91,6 +95,32 @@ pub trait Lanes:
     /// # Safety
     /// Each `index` must have `COUNT` entries, `rows` be readable and writable at every one, and nobody else may use them meanwhile.
     unsafe fn add_to_rows<const N: usize>(rows: *mut [f64; 8], index: [&[u32]; N], columns: [[Self; 8]; N]);
+
+    /// First three columns of rows of eight at `of`, less those at `less`.
+    ///
+    /// # Safety
+    /// As [`Lanes::gather_eight`], for both.
+    #[inline(always)]
+    unsafe fn gather_differences(rows: *const [f64; 8], of: &[u32], less: &[u32]) -> [Self; 3] {
+        // SAFETY: the caller vouches for the rows.
+        let ([a, b, c, ..], [d, e, f, ..]) = unsafe { (Self::gather_eight(rows, of), Self::gather_eight(rows, less)) };
+        [a - d, b - e, c - f]
+    }
+    /// Adds action and reaction to rows of eight, lane by lane in their order: for lane k, the first three numbers of row
+    /// `index[0][k]` get those of `action` and its second four's first three those of `turns[0]`; then row `index[1][k]` gets the
+    /// opposite of `action`, and `turns[1]`.
+    ///
+    /// # Safety
+    /// As [`Lanes::add_to_rows`].
+    #[inline(always)]
+    unsafe fn add_action(rows: *mut [f64; 8], index: [&[u32]; 2], action: [Self; 3], turns: [[Self; 3]; 2]) {
+        let ([x, y, z], zero) = (action, Self::zero());
+        let [[a, b, c], [d, e, f]] = turns;
+        // SAFETY: the caller vouches for the rows.
+        unsafe {
+            Self::add_to_rows(rows, index, [[x, y, z, zero, a, b, c, zero], [-x, -y, -z, -zero, d, e, f, -zero]]);
+        }
+    }
 
     /// Zero.
     #[inline(always)]
@@ -134,9 +164,9 @@ pub enum SimdLevel {
     Scalar,
     /// What every 64-bit processor of this family has: two lanes (SSE2).
     Baseline,
-    /// AVX2: four lanes.
+    /// AVX2 and FMA: four lanes.
     Avx2,
-    /// AVX-512 F, DQ and VL: eight lanes.
+    /// AVX-512 F, DQ and VL, and FMA: eight lanes.
     Avx512,
 }
 
@@ -161,9 +191,9 @@ impl SimdLevel {
         #[cfg(target_arch = "x86_64")]
         return match self {
             Self::Scalar | Self::Baseline => true,
-            Self::Avx2 => std::arch::is_x86_feature_detected!("avx2"),
+            Self::Avx2 => std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma"),
             Self::Avx512 => {
-                std::arch::is_x86_feature_detected!("avx2")
+                Self::Avx2.is_available()
                     && std::arch::is_x86_feature_detected!("avx512f")
                     && std::arch::is_x86_feature_detected!("avx512dq")
                     && std::arch::is_x86_feature_detected!("avx512vl")

@@ -38,6 +38,16 @@ impl Lanes for f64 {
     }
 
     #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self::mul_add(self, factor, addend)
+    }
+
+    #[inline(always)]
+    fn mul_from(self, factor: Self, minuend: Self) -> Self {
+        Self::mul_add(-self, factor, minuend)
+    }
+
+    #[inline(always)]
     fn sqrt(self) -> Self {
         Self::sqrt(self)
     }

@@ -29,7 +29,7 @@ impl LaneWork for Arithmetic<'_> {
     type Output = Vec<f64>;
     #[inline(always)]
     fn run<L: Lanes>(self) -> Vec<f64> {
-        let mut results = vec![0.0; 12 * self.0.len()];
+        let mut results = vec![0.0; 14 * self.0.len()];
         for k in (0..self.0.len()).step_by(L::COUNT) {
             let (a, b) = (L::from_slice(&self.0[k..]), L::from_slice(&self.1[k..]));
             let (more, less) = (a.exceeds(b), a.below(b));
@@ -39,6 +39,8 @@ impl LaneWork for Arithmetic<'_> {
                 a * b,
                 a / b,
                 -a,
+                a.mul_add(b, a),
+                b.mul_from(a, b),
                 a.sqrt(),
                 a.abs(),
                 a.larger(b),
@@ -71,11 +73,11 @@ struct Rows<'a> {
 }
 
 impl LaneWork for Rows<'_> {
-    type Output = (Vec<f64>, Vec<[f64; 8]>);
+    type Output = (Vec<f64>, [Vec<[f64; 8]>; 2]);
     #[inline(always)]
     fn run<L: Lanes>(self) -> Self::Output {
-        let mut columns = vec![0.0; 12 * self.index.len()];
-        let mut sums = vec![[0.0; 8]; self.eight.len()];
+        let mut columns = vec![0.0; 15 * self.index.len()];
+        let mut sums = [vec![[0.0; 8]; self.eight.len()], vec![[0.0; 8]; self.eight.len()]];
         for k in (0..self.index.len()).step_by(L::COUNT) {
             let index = &self.index[k..k + L::COUNT];
             // SAFETY: the indices lie within the lists.
@@ -84,8 +86,13 @@ impl LaneWork for Rows<'_> {
             // Every other row also gets the columns of the row before, within the same lane.
             let others: Vec<u32> = index.iter().map(|row| (row + 1) % 50).collect();
             // SAFETY: the indices lie within the list.
-            unsafe { L::add_to_rows(sums.as_mut_ptr(), [index, &others], [eight, eight]) };
-            for (n, column) in four.into_iter().chain(eight).enumerate() {
+            let differences = unsafe {
+                let ([a, b, c, d], [e, f, g, h, ..]) = (four, eight);
+                L::add_to_rows(sums[0].as_mut_ptr(), [index, &others], [eight, eight]);
+                L::add_action(sums[1].as_mut_ptr(), [index, &others], [a, b, c], [[d, e, f], [g, h, a]]);
+                L::gather_differences(self.eight.as_ptr(), index, &others)
+            };
+            for (n, column) in four.into_iter().chain(eight).chain(differences).enumerate() {
                 column.write_to(&mut columns[n * self.index.len() + k..]);
             }
         }
@@ -107,7 +114,9 @@ fn rows_are_gathered_and_added_to_in_order_at_every_level() {
     for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
         let found = at_level(level, work());
         assert!(bits(&found.0) == bits(&reference.0), "columns, {}", level.name());
-        assert!(bits(found.1.as_flattened()) == bits(reference.1.as_flattened()), "sums, {}", level.name());
+        for (found, reference) in found.1.iter().zip(&reference.1) {
+            assert!(bits(found.as_flattened()) == bits(reference.as_flattened()), "sums, {}", level.name());
+        }
     }
 }
 

@@ -1,7 +1,4 @@
-//! Twice as many lanes: two registers side by side.
-//!
-//! The contact laws are a long chain of operations of which each waits for the one before, roots and divisions most of all. Two
-//! independent chains in one stream of instructions keep a processor busy while either waits.
+//! Twice as many lanes: two registers side by side, where a register is narrower than a row of four.
 
 use super::{Lanes, Mask};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
@@ -83,6 +80,16 @@ impl<L: Lanes> Lanes for Twice<L> {
     }
 
     #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self(self.0.mul_add(factor.0, addend.0), self.1.mul_add(factor.1, addend.1))
+    }
+
+    #[inline(always)]
+    fn mul_from(self, factor: Self, minuend: Self) -> Self {
+        Self(self.0.mul_from(factor.0, minuend.0), self.1.mul_from(factor.1, minuend.1))
+    }
+
+    #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.sqrt(), self.1.sqrt())
     }
@@ -143,6 +150,34 @@ impl<L: Lanes> Lanes for Twice<L> {
                 rows,
                 index.map(|list| &list[L::COUNT..]),
                 columns.map(|columns| columns.map(|both| both.1)),
+            );
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn gather_differences(rows: *const [f64; 8], of: &[u32], less: &[u32]) -> [Self; 3] {
+        let ((a, b), (c, d)) = (of.split_at(L::COUNT), less.split_at(L::COUNT));
+        // SAFETY: the caller vouches for the rows.
+        let ([x, y, z], [u, v, w]) = unsafe { (L::gather_differences(rows, a, c), L::gather_differences(rows, b, d)) };
+        [Self(x, u), Self(y, v), Self(z, w)]
+    }
+
+    #[inline(always)]
+    unsafe fn add_action(rows: *mut [f64; 8], index: [&[u32]; 2], action: [Self; 3], turns: [[Self; 3]; 2]) {
+        let [own, partner] = index.map(|list| list.split_at(L::COUNT));
+        // SAFETY: the caller vouches for the rows; the lower lanes come first.
+        unsafe {
+            L::add_action(
+                rows,
+                [own.0, partner.0],
+                action.map(|both| both.0),
+                turns.map(|turn| turn.map(|both| both.0)),
+            );
+            L::add_action(
+                rows,
+                [own.1, partner.1],
+                action.map(|both| both.1),
+                turns.map(|turn| turn.map(|both| both.1)),
             );
         }
     }

@@ -31,23 +31,29 @@ impl<L: Lanes> LaneVector<L> {
     /// Scalar product.
     #[inline(always)]
     pub fn dot(&self, other: &Self) -> L {
-        self.x * other.x + self.y * other.y + self.z * other.z
+        self.x.mul_add(other.x, self.y.mul_add(other.y, self.z * other.z))
     }
 
     /// Vector product.
     #[inline(always)]
     pub fn cross(&self, other: &Self) -> Self {
         Self {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
+            x: self.z.mul_from(other.y, self.y * other.z),
+            y: self.x.mul_from(other.z, self.z * other.x),
+            z: self.y.mul_from(other.x, self.x * other.y),
         }
     }
 
     /// `self + way * factor`.
     #[inline(always)]
     pub fn plus(&self, way: &Self, factor: L) -> Self {
-        Self { x: self.x + way.x * factor, y: self.y + way.y * factor, z: self.z + way.z * factor }
+        Self { x: way.x.mul_add(factor, self.x), y: way.y.mul_add(factor, self.y), z: way.z.mul_add(factor, self.z) }
+    }
+
+    /// `self - way * factor`.
+    #[inline(always)]
+    pub fn minus(&self, way: &Self, factor: L) -> Self {
+        Self { x: way.x.mul_from(factor, self.x), y: way.y.mul_from(factor, self.y), z: way.z.mul_from(factor, self.z) }
     }
 
     /// Square of the length.

@@ -20,14 +20,14 @@ pub(super) fn run<W: LaneWork>(level: SimdLevel, work: W) -> W::Output {
     }
 }
 
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 fn run_avx2<W: LaneWork>(work: W) -> W::Output {
     work.run::<Four>()
 }
 
-#[target_feature(enable = "avx2,avx512f,avx512dq,avx512vl")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
 fn run_avx512<W: LaneWork>(work: W) -> W::Output {
-    work.run::<Twice<Eight>>()
+    work.run::<Eight>()
 }
 
 /// Answers kept as bits.
@@ -265,6 +265,14 @@ impl Lanes for Two {
     lanes_in_common!(2, _mm_set1_pd, _mm_loadu_pd, _mm_storeu_pd, _mm_sqrt_pd, _mm_max_pd, _mm_min_pd, four_of_two);
 
     #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self::lane_by_lane(self, factor, addend, f64::mul_add)
+    }
+    #[inline(always)]
+    fn mul_from(self, factor: Self, minuend: Self) -> Self {
+        (-self).mul_add(factor, minuend)
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         // SAFETY: SSE2 is always there.
         unsafe { Self(_mm_andnot_pd(_mm_set1_pd(-0.0), self.0)) }
@@ -326,6 +334,16 @@ impl Lanes for Four {
         four_of_four
     );
 
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        // SAFETY: only used in code for this instruction set.
+        unsafe { Self(_mm256_fmadd_pd(self.0, factor.0, addend.0)) }
+    }
+    #[inline(always)]
+    fn mul_from(self, factor: Self, minuend: Self) -> Self {
+        // SAFETY: only used in code for this instruction set.
+        unsafe { Self(_mm256_fnmadd_pd(self.0, factor.0, minuend.0)) }
+    }
     #[inline(always)]
     fn abs(self) -> Self {
         // SAFETY: only used in code for this instruction set.
@@ -408,6 +426,16 @@ impl Lanes for Eight {
     );
 
     #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        // SAFETY: only used in code for this instruction set.
+        unsafe { Self(_mm512_fmadd_pd(self.0, factor.0, addend.0)) }
+    }
+    #[inline(always)]
+    fn mul_from(self, factor: Self, minuend: Self) -> Self {
+        // SAFETY: only used in code for this instruction set.
+        unsafe { Self(_mm512_fnmadd_pd(self.0, factor.0, minuend.0)) }
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         // SAFETY: only used in code for this instruction set.
         unsafe { Self(_mm512_andnot_pd(_mm512_set1_pd(-0.0), self.0)) }
@@ -439,6 +467,38 @@ impl Lanes for Eight {
             }
         }
     }
+
+    #[inline(always)]
+    unsafe fn gather_differences(rows: *const [f64; 8], of: &[u32], less: &[u32]) -> [Self; 3] {
+        // SAFETY: the caller vouches for the rows.
+        unsafe {
+            let of = halves_of_eight(&rows_of::<8, 8>(rows.cast(), of));
+            let less = halves_of_eight(&rows_of::<8, 8>(rows.cast(), less));
+            let difference = |k: usize| _mm512_sub_pd(of[k], less[k]);
+            let [x, y, z, _] = columns_of_halves([difference(0), difference(1), difference(2), difference(3)]);
+            [x, y, z]
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn add_action(rows: *mut [f64; 8], index: [&[u32]; 2], action: [Self; 3], turns: [[Self; 3]; 2]) {
+        // SAFETY: only used in code for this instruction set.
+        let (own, partner) = unsafe {
+            let action = pairs_of_columns(action);
+            // What is subtracted from the partner's rows.
+            let [turn, less] = [pairs_of_columns(turns[0]), pairs_of_columns(turns[1].map(|turn| -turn))];
+            (rows_of_pairs(&action, &turn), rows_of_pairs(&action, &less))
+        };
+        for lane in 0..8 {
+            // SAFETY: the caller vouches for the rows.
+            unsafe {
+                let place_of = |list: &[u32]| -> *mut f64 { rows.add(place(list, lane)).cast() };
+                let (first, second) = (place_of(index[0]), place_of(index[1]));
+                _mm512_storeu_pd(first, _mm512_add_pd(_mm512_loadu_pd(first), own[lane]));
+                _mm512_storeu_pd(second, _mm512_sub_pd(_mm512_loadu_pd(second), partner[lane]));
+            }
+        }
+    }
 }
 
 /// # Safety
@@ -446,11 +506,32 @@ impl Lanes for Eight {
 #[inline(always)]
 unsafe fn four_of_eight(rows: &[*const f64; 8]) -> [Eight; 4] {
     // SAFETY: the caller vouches for it.
+    unsafe { columns_of_halves(halves_of_eight(rows)) }
+}
+
+/// Four numbers of each of eight rows, of two rows in a register: those of lanes 0 and 2, 1 and 3, 4 and 6, 5 and 7, so that the columns
+/// come out in the lanes' order.
+///
+/// # Safety
+/// Only in code for AVX-512; four numbers must be readable at every row.
+#[inline(always)]
+unsafe fn halves_of_eight(rows: &[*const f64; 8]) -> [__m512d; 4] {
+    // SAFETY: the caller vouches for it.
     unsafe {
         let row = |lane: usize| _mm256_loadu_pd(rows[lane]);
-        // Two rows in one register, so that the columns come out in the lanes' order.
         let two = |a: usize, b: usize| _mm512_insertf64x4::<1>(_mm512_castpd256_pd512(row(a)), row(b));
-        let (a, b, c, d) = (two(0, 2), two(1, 3), two(4, 6), two(5, 7));
+        [two(0, 2), two(1, 3), two(4, 6), two(5, 7)]
+    }
+}
+
+/// Columns of what [`halves_of_eight`] gives.
+///
+/// # Safety
+/// Only in code for AVX-512.
+#[inline(always)]
+unsafe fn columns_of_halves([a, b, c, d]: [__m512d; 4]) -> [Eight; 4] {
+    // SAFETY: only used in code for this instruction set.
+    unsafe {
         let (ab_low, ab_high) = (_mm512_unpacklo_pd(a, b), _mm512_unpackhi_pd(a, b));
         let (cd_low, cd_high) = (_mm512_unpacklo_pd(c, d), _mm512_unpackhi_pd(c, d));
         [
@@ -460,6 +541,38 @@ unsafe fn four_of_eight(rows: &[*const f64; 8]) -> [Eight; 4] {
             _mm512_shuffle_f64x2::<0xdd>(ab_high, cd_high),
         ]
         .map(Eight)
+    }
+}
+
+/// Three columns as pieces of two numbers: of the even lanes (x, y) and (z, 0), both for lanes 0 and 4, then both for lanes 2 and 6; and
+/// the same of the odd lanes.
+///
+/// # Safety
+/// Only in code for AVX-512.
+#[inline(always)]
+unsafe fn pairs_of_columns([x, y, z]: [Eight; 3]) -> [[__m512d; 2]; 2] {
+    // SAFETY: only used in code for this instruction set.
+    unsafe {
+        let part = |xy, z| [_mm512_shuffle_f64x2::<0x88>(xy, z), _mm512_shuffle_f64x2::<0xdd>(xy, z)];
+        [
+            part(_mm512_unpacklo_pd(x.0, y.0), _mm512_maskz_mov_pd(0x55, z.0)),
+            part(_mm512_unpackhi_pd(x.0, y.0), _mm512_maskz_unpackhi_pd(0x55, z.0, z.0)),
+        ]
+    }
+}
+
+/// Rows of eight, lane by lane, from the pieces of their first and their second three columns.
+///
+/// # Safety
+/// Only in code for AVX-512.
+#[inline(always)]
+unsafe fn rows_of_pairs(first: &[[__m512d; 2]; 2], second: &[[__m512d; 2]; 2]) -> [__m512d; 8] {
+    // SAFETY: only used in code for this instruction set.
+    unsafe {
+        let lane = |k: usize| (first[k % 2][k / 2 % 2], second[k % 2][k / 2 % 2]);
+        let low = |k: usize| _mm512_shuffle_f64x2::<0x88>(lane(k).0, lane(k).1);
+        let high = |k: usize| _mm512_shuffle_f64x2::<0xdd>(lane(k).0, lane(k).1);
+        [low(0), low(1), low(2), low(3), high(0), high(1), high(2), high(3)]
     }
 }
 
