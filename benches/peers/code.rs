@@ -8,6 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tollgate::backend::liggghts::probe::find;
+use tollgate::math::lanes::SimdLevel;
 use tollgate::output::lammps::DumpReader;
 use tollgate::particle::{Body, ParticleState};
 use tollgate::storage::StorageError;
@@ -16,6 +17,8 @@ use tollgate::storage::StorageError;
 pub enum Code {
     #[value(skip)]
     Tollgate,
+    /// tollgate with `--simd avx2`.
+    Avx2,
     Liggghts,
     Lammps,
     Yade,
@@ -66,6 +69,7 @@ impl Code {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tollgate => "tollgate",
+            Self::Avx2 => "tollgate with AVX2 only",
             Self::Liggghts => "LIGGGHTS",
             Self::Lammps => "LAMMPS",
             Self::Yade => "YADE",
@@ -77,6 +81,10 @@ impl Code {
         let is_there = |program: &str| find(OsStr::new(program)).is_some();
         let (program, package) = match self {
             Self::Tollgate => return None,
+            Self::Avx2 => {
+                let missing = !SimdLevel::Avx2.is_available();
+                return missing.then(|| format!("{}: this processor has no AVX2", self.name()));
+            }
             Self::Liggghts => ("liggghts", "liggghts"),
             Self::Lammps => ("lmp", "lammps"),
             Self::Yade => ("yade", "yade"),
@@ -99,9 +107,14 @@ impl Code {
         }
     }
 
+    /// Whether it is tollgate.
+    pub const fn is_ours(self) -> bool {
+        matches!(self, Self::Tollgate | Self::Avx2)
+    }
+
     /// Whether its law of damping is tollgate's own.
     pub const fn has_our_law(self) -> bool {
-        matches!(self, Self::Tollgate | Self::Liggghts)
+        self.is_ours() || matches!(self, Self::Liggghts)
     }
 
     /// Runs a job, proves that it was done, and tells its cost and where its last state is.
@@ -110,8 +123,9 @@ impl Code {
         let log = folder.join(format!("{}.log", self.name()));
         let state = folder.join(format!("{}.dump", self.name()));
         drop(fs::remove_file(&state));
-        if self == Self::Tollgate {
-            return commands::tollgate(job, &folder, &log);
+        if self.is_ours() {
+            let simd = (self == Self::Avx2).then_some(SimdLevel::Avx2);
+            return commands::tollgate(job, simd, &folder, &log);
         }
         let mut command = match self {
             Self::Yade => commands::yade(job),
@@ -130,7 +144,7 @@ impl Code {
 
     /// What its program or its last run's log says of its version.
     pub fn version(self, scene: &Scene, tollgate: &Path) -> String {
-        if self == Self::Tollgate {
+        if self.is_ours() {
             let output = Command::new(tollgate).arg("--version").output().expect("tollgate says its version");
             return String::from_utf8_lossy(&output.stdout).trim().to_owned();
         }

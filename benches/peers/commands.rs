@@ -6,16 +6,18 @@ use crate::scene::{Scene, deck, root};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use tollgate::math::lanes::SimdLevel;
 
 /// Debian's own Python, which YADE's modules are built for.
 pub const PYTHON: &str = "/usr/bin/python3";
 
 /// `tollgate run` as a user calls it, into a folder of results.
-pub fn tollgate(job: &Job, folder: &Path, log: &Path) -> (Cost, PathBuf) {
+pub fn tollgate(job: &Job, simd: Option<SimdLevel>, folder: &Path, log: &Path) -> (Cost, PathBuf) {
     let scene = folder.join("scene.toml");
     fs::copy(job.scene.deck(), &scene).expect("the scene file in its folder");
-    let (out, settings) = (folder.join("out"), job.settings());
-    let (cost, state) = run_scene(job.tollgate, &scene, &settings, job.threads, &out, log);
+    let out = folder.join("out");
+    let options = Options { settings: &job.settings(), threads: job.threads, simd };
+    let (cost, state) = run_scene(job.tollgate, &scene, options, &out, log);
     let summary = fs::read_to_string(out.join("summary.json")).expect("summary.json");
     let summary: serde_json::Value = serde_json::from_str(&summary).expect("a summary in JSON");
     let stage = &summary["stages"][0];
@@ -24,19 +26,25 @@ pub fn tollgate(job: &Job, folder: &Path, log: &Path) -> (Cost, PathBuf) {
     (cost, state)
 }
 
-/// Runs a scene file with settings into `out`, which is made anew; its cost and its dump.
-pub fn run_scene(
-    program: &Path,
-    scene: &Path,
-    settings: &[(String, String)],
-    threads: u32,
-    out: &Path,
-    log: &Path,
-) -> (Cost, PathBuf) {
+/// How tollgate is to run a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Options<'a> {
+    /// Keys and values beside the scene file.
+    pub settings: &'a [(String, String)],
+    pub threads: u32,
+    /// Instruction set, where it is not the best one.
+    pub simd: Option<SimdLevel>,
+}
+
+/// Runs a scene file into `out`, which is made anew; its cost and its dump.
+pub fn run_scene(program: &Path, scene: &Path, options: Options, out: &Path, log: &Path) -> (Cost, PathBuf) {
     drop(fs::remove_dir_all(out));
     let mut command = Command::new(program);
-    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", &threads.to_string()]);
-    for (key, value) in settings {
+    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", &options.threads.to_string()]);
+    if let Some(level) = options.simd {
+        command.args(["--simd", level.name()]);
+    }
+    for (key, value) in options.settings {
         command.arg("--set").arg(format!("{key}={value}"));
     }
     (timed(&mut command, log).1, out.join("dump.particles.lammpstrj"))

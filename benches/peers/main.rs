@@ -46,7 +46,7 @@ struct Options {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
     /// Codes to compare with
-    #[arg(long, value_delimiter = ',', default_values = ["liggghts", "lammps", "yade"])]
+    #[arg(long, value_delimiter = ',', default_values = ["avx2", "liggghts", "lammps", "yade"])]
     peers: Vec<Code>,
     /// Numbers of threads, or MPI ranks
     #[arg(long, value_delimiter = ',', default_values = ["1", "2"], value_parser = clap::value_parser!(u32).range(1..))]

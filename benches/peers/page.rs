@@ -68,17 +68,26 @@ impl Findings {
         let one = threads == 1;
         let second = if one { "CPU second" } else { "wall second" };
         let rates = |series: &Series| if one { series.by_cpu.clone() } else { series.by_wall.clone() };
-        let (tail, rule) = if one { ("", "") } else { (" against one thread |", "---|") };
-        let mut text = format!(
-            "\n| {} | million particle steps per {second} | tollgate is faster by |{tail}\n|---|---|---|{rule}\n",
-            if one { "one thread".to_owned() } else { format!("{threads} threads or ranks") }
-        );
+        let narrow = self.of(Code::Avx2, threads).map(rates);
+        let mut columns = vec![
+            if one { "one thread".to_owned() } else { format!("{threads} threads or ranks") },
+            format!("million particle steps per {second}"),
+            "tollgate is faster by".to_owned(),
+        ];
+        columns.extend(narrow.is_some().then(|| "with AVX2 only".to_owned()));
+        columns.extend((!one).then(|| "against one thread".to_owned()));
+        let mut text = format!("\n| {} |\n|{}\n", columns.join(" | "), "---|".repeat(columns.len()));
         let Some(ours) = self.of(Code::Tollgate, threads).map(rates) else { return text };
         for series in self.measured.iter().filter(|series| series.threads == threads) {
             let (name, theirs) = (series.code.name(), rates(series));
-            let ratio =
-                if series.code == Code::Tollgate { "-".into() } else { Spread::of_ratio(&ours, &theirs).to_string() };
-            let _ = write!(text, "| {name} | {} | {ratio} |", Spread::of(theirs));
+            let ratio = |ours: &[f64], own: bool| {
+                if own { "-".into() } else { Spread::of_ratio(ours, &theirs).to_string() }
+            };
+            let _ = write!(text, "| {name} | {} |", Spread::of(theirs.iter().copied()));
+            let _ = write!(text, " {} |", ratio(&ours, series.code == Code::Tollgate));
+            if let Some(narrow) = &narrow {
+                let _ = write!(text, " {} |", ratio(narrow, series.code.is_ours()));
+            }
             if !one {
                 let single = self.of(series.code, 1).map(|single| Spread::of_ratio(&series.by_wall, &single.by_wall));
                 let _ = write!(text, " {} |", single.map_or("-".into(), |gain| gain.to_string()));

@@ -60,7 +60,7 @@ pub struct Scene {
 }
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
-const ALL: &[Code] = &[Code::Liggghts, Code::Lammps, Code::Yade];
+const ALL: &[Code] = &[Code::Avx2, Code::Liggghts, Code::Lammps, Code::Yade];
 const BED_20K: Scene = Scene {
     name: "settled-bed-20k",
     about: "20 000 spheres of 3 to 5 mm, settled in a closed box, 5 contacts each",
@@ -97,7 +97,7 @@ pub const SCENES: [Scene; 7] = [
         start: Start::Tiles(Bed::HUNDRED_THOUSAND, [5, 2]),
         size: [0.850, 0.340, 0.480],
         steps: Steps { short: 20, long: 320 },
-        peers: &[Code::Liggghts],
+        peers: &[Code::Avx2, Code::Liggghts],
         only_by_name: true,
         ..BED_20K
     },
@@ -128,7 +128,7 @@ pub const SCENES: [Scene; 7] = [
         // Not longer: the small differences between the codes' conventions grow in the flow. After 27 ms mean overlap and kinetic energy
         // differ by 1 %, after 55 ms by 6 and 5 %; there tollgate in LIGGGHTS' conventions has 3.5 % less kinetic energy too.
         steps: Steps { short: 250, long: 2750 },
-        peers: &[Code::Liggghts],
+        peers: &[Code::Avx2, Code::Liggghts],
         tried: "LIGGGHTS 0.3, 0.5 and 0.8 mm, with its own bins and with those of 8.3 mm",
         ..BED_20K
     },

@@ -2,7 +2,7 @@
 
 use crate::bed::Bed;
 use crate::code::{Code, last_state};
-use crate::commands::run_scene;
+use crate::commands::{Options, run_scene};
 use crate::mesh;
 use crate::scene::{Scene, Start};
 use crate::state::{write_liggghts, write_table};
@@ -71,7 +71,8 @@ fn settled(scene: &Scene, tollgate: &Path, time: f64, loose: impl Fn() -> Vec<Pa
     let (file, out) = (folder.join("scene.toml"), folder.join("out"));
     fs::copy(scene.deck(), &file).expect("the scene file in its folder");
     let threads = std::thread::available_parallelism().map_or(1, |count| count.get() as u32);
-    let (_, state) = run_scene(tollgate, &file, &settings, threads, &out, &folder.join("start.log"));
+    let options = Options { settings: &settings, threads, simd: None };
+    let (_, state) = run_scene(tollgate, &file, options, &out, &folder.join("start.log"));
     fs::rename(state, &dump).expect("the settled state");
     drop(fs::remove_dir_all(out));
     fs::write(&kept, made_of).expect("what the state was made of");
