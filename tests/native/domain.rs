@@ -194,10 +194,15 @@ fn discs_stay_in_their_plane() {
     let turned = simulation.energy().rotational;
     let expected: f64 = states.iter().map(|s| 0.5 * 0.5 * disc(s.radius) * s.radius.powi(2) * 25.0).sum();
     assert!((turned - expected).abs() < 1e-12 * expected, "inertia of a disc: {turned} {expected}");
-    run(&mut simulation, 4000);
-    for state in simulation.particles() {
-        assert_eq!((state.position.y, state.velocity.y), (0.0, 0.0));
-        assert_eq!((state.spin.x, state.spin.z), (0.0, 0.0));
+    // They fall in a heap and run down the floor: how many touch at its end is chance, not how many do on the way.
+    let mut most = 0;
+    for _ in 0..10 {
+        run(&mut simulation, 400);
+        most = most.max(simulation.contacts().len());
+        for state in simulation.particles() {
+            assert_eq!((state.position.y, state.velocity.y), (0.0, 0.0));
+            assert_eq!((state.spin.x, state.spin.z), (0.0, 0.0));
+        }
     }
-    assert!(simulation.contacts().len() > 30);
+    assert!(most > 60, "{most} contacts of 60 discs");
 }
