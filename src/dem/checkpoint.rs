@@ -128,15 +128,14 @@ impl SimulationRecord {
         let spheres = self.rows::<4>("sphere", Some(count))?;
         let accelerations = self.rows::<6>("acceleration", Some(count))?;
         let loads = self.rows::<6>("load", Some(count))?;
-        Ok(Particles {
-            spheres: spheres.iter().map(|r| Sphere { centre: [r[0], r[1], r[2]], radius: r[3] }).collect(),
-            velocities: velocities.collect(),
-            accelerations: accelerations.iter().map(|row| Acceleration::new(two(row).0, two(row).1)).collect(),
-            loads: loads.iter().map(|row| Load::new(two(row).0, two(row).1)).collect(),
-            ids: ids.iter().map(|&id| ParticleId(id)).collect(),
-            densities: self.rows::<1>("density", Some(count))?.iter().map(|row| row[0]).collect(),
-            calm_looks: Vec::new(),
-        })
+        Ok(Particles::of_records(
+            spheres.iter().map(|r| Sphere { centre: [r[0], r[1], r[2]], radius: r[3] }).collect(),
+            velocities.collect(),
+            accelerations.iter().map(|row| Acceleration::new(two(row).0, two(row).1)).collect(),
+            loads.iter().map(|row| Load::new(two(row).0, two(row).1)).collect(),
+            ids.iter().map(|&id| ParticleId(id)).collect(),
+            self.rows::<1>("density", Some(count))?.iter().map(|row| row[0]).collect(),
+        ))
     }
 
     fn tethers(&self) -> Result<Vec<Tether>, RecordError> {
@@ -197,6 +196,7 @@ impl Simulation {
     #[must_use]
     pub fn record(&self) -> SimulationRecord {
         let p = &self.particles;
+        let motions = || (0..p.len()).map(|index| p.motion(index));
         let pair = |[a, b]: [&Vec3; 2]| [a.x, a.y, a.z, b.x, b.y, b.z];
         let neighborhood = &self.neighborhood;
         let walls = || neighborhood.chunks.iter().flat_map(|chunk| &chunk.wall_contacts);
@@ -207,9 +207,9 @@ impl Simulation {
         };
         let columns: [Vec<f64>; 10] = [
             p.spheres.iter().flat_map(|s| [s.centre[0], s.centre[1], s.centre[2], s.radius]).collect(),
-            p.velocities.iter().flat_map(velocity).collect(),
-            p.accelerations.iter().flat_map(|a| pair([&a.linear, &a.angular])).collect(),
-            p.loads.iter().flat_map(|load| pair([&load.force, &load.torque])).collect(),
+            motions().flat_map(|(v, _)| velocity(&v)).collect(),
+            motions().flat_map(|(_, a)| pair([&a.linear, &a.angular])).collect(),
+            p.loads().iter().flat_map(|load| pair([&load.force, &load.torque])).collect(),
             p.densities.clone(),
             neighborhood.outer_reference.iter().flatten().copied().collect(),
             neighborhood.inner_reference.iter().flatten().copied().collect(),
@@ -220,8 +220,8 @@ impl Simulation {
         let keys = walls().flat_map(|c| [u64::from(c.particle), u64::from(c.part), u64::from(c.element)]);
         let integers: [Vec<u64>; 5] = [
             p.ids.iter().map(|id| id.0).collect(),
-            p.velocities.iter().map(|v| u64::from(v.material)).collect(),
-            p.velocities.iter().map(|v| v.path as u64).collect(),
+            p.laws_velocities().iter().map(|v| u64::from(v.material)).collect(),
+            p.laws_velocities().iter().map(|v| v.path as u64).collect(),
             keys.collect(),
             self.tethers.iter().map(|tether| tether.id.0).collect(),
         ];
@@ -310,7 +310,8 @@ impl Simulation {
         simulation.neighborhood.change_settings(settings);
         simulation.rename_materials(&progress.material_names)?;
         // Who slept there has nothing known to rest on here.
-        let sleepers = simulation.particles.velocities.iter_mut().filter(|velocity| velocity.path == Path::Asleep);
+        let sleepers =
+            simulation.particles.velocities_mut().iter_mut().filter(|velocity| velocity.path == Path::Asleep);
         sleepers.for_each(|velocity| velocity.path = Path::Free);
         let own = simulation.setup.feeds.len() as u32;
         for id in &mut simulation.particles.ids {
@@ -320,7 +321,7 @@ impl Simulation {
             tether.id = ParticleId::new(tether.id.feed() + own, tether.id.serial());
         }
         for index in 0..simulation.particles.len() {
-            if !simulation.particles.velocities[index].path.is_prescribed() {
+            if !simulation.particles.path(index).is_prescribed() {
                 simulation.book_comer(index);
             }
         }
@@ -334,7 +335,7 @@ impl Simulation {
 
     /// Goes on with who sleeps, and who was calm how often.
     fn take_sleep(&mut self, calm_looks: Vec<u8>) -> Result<(), RecordError> {
-        let asleep = self.particles.velocities.iter().any(|velocity| velocity.path == Path::Asleep);
+        let asleep = (0..self.particles.len()).any(|index| self.particles.path(index) == Path::Asleep);
         if self.setup.sleeping.is_none() && (asleep || !calm_looks.is_empty()) {
             return Err(RecordError("its particles may sleep, and those of this scene may not".to_owned()));
         }
@@ -348,7 +349,7 @@ impl Simulation {
     /// Gives the particles the numbers that their materials, known by name, have here.
     fn rename_materials(&mut self, names: &[String]) -> Result<(), RecordError> {
         let own = &self.setup.materials.materials;
-        for velocity in &mut self.particles.velocities {
+        for velocity in self.particles.velocities_mut() {
             let missing = || RecordError("its particles have materials that it does not name".to_owned());
             let name = names.get(velocity.material as usize).ok_or_else(missing)?;
             let found = own.iter().position(|material| material.name == *name);

@@ -57,8 +57,8 @@ impl Simulation {
             let PrescribedMotion { position, velocity, spin, .. } = *motion;
             self.particles.push(&ParticleState { position, velocity, spin, ..*state }, body);
             let last = self.particles.len() - 1;
-            self.particles.velocities[last].path = *path;
-            self.particles.accelerations[last] =
+            self.particles.velocities_mut()[last].path = *path;
+            self.particles.accelerations_mut()[last] =
                 Acceleration::new(body.in_plane(&motion.acceleration), body.about_plane(&motion.spin_acceleration));
             self.update_acceleration(last);
         }
@@ -89,14 +89,14 @@ impl Simulation {
         self.recorded.generation = None;
         for index in indices {
             self.wake(index);
-            let before = self.particles.velocities[index].path;
+            let before = self.particles.path(index);
             if !before.is_prescribed() {
                 // A prescribed particle's own energy and momentum are outside of the budgets.
                 self.booked.removed += self.mechanical_energy_of(&self.particles.state(index));
                 self.note_goer(self.momentum_of(index));
             }
             tether_cut |= before == Path::Tethered;
-            self.particles.velocities[index].path = path;
+            self.particles.velocities_mut()[index].path = path;
             self.neighborhood.note_prescribed(index);
             self.update_acceleration(index);
         }
@@ -104,8 +104,8 @@ impl Simulation {
             self.drop_tethers(&marked);
         }
         // Contacts with parts exist for free particles only.
-        let velocities = &self.particles.velocities;
-        self.neighborhood.forget_wall_contacts(|contact| velocities[contact.particle as usize].path.is_prescribed());
+        let particles = &self.particles;
+        self.neighborhood.forget_wall_contacts(|contact| particles.path(contact.particle as usize).is_prescribed());
         self.book_springs(&marked, springs);
         self.watchdog.expect_new_energy();
     }
@@ -120,7 +120,7 @@ impl Simulation {
         self.find_recorded();
         let mut steered = Vec::with_capacity(self.recorded.indices.len());
         for &index in &self.recorded.indices {
-            if self.particles.velocities[index].path == Path::Recorded
+            if self.particles.path(index) == Path::Recorded
                 && let Some(motion) = motion(self.particles.ids[index])
             {
                 steered.push((index, motion));
@@ -138,8 +138,7 @@ impl Simulation {
     fn find_recorded(&mut self) {
         let generation = Some(self.neighborhood.generation());
         if self.recorded.generation != generation {
-            let velocities = self.particles.velocities.iter().enumerate();
-            let recorded = velocities.filter(|(_, velocity)| velocity.path == Path::Recorded).map(|(index, _)| index);
+            let recorded = (0..self.particles.len()).filter(|&index| self.particles.path(index) == Path::Recorded);
             self.recorded = RecordedParticles { generation, indices: recorded.collect() };
         }
     }
@@ -163,13 +162,12 @@ impl Simulation {
         let marked = if self.terms.energy { self.marks(jumps.iter().map(|(index, _)| *index)) } else { Vec::new() };
         let springs = self.springs_of(&marked);
         for (index, there) in jumps {
-            let sphere = &mut self.particles.spheres[index];
             if !self.terms.energy {
                 // The watchdog's balance is to know a short jump to first order.
-                let way = there - sphere.position();
-                self.booked.prescribed_work -= self.particles.loads[index].force.dot(&way);
+                let way = there - self.particles.spheres[index].position();
+                self.booked.prescribed_work -= self.particles.loads()[index].force.dot(&way);
             }
-            sphere.centre = there.into();
+            self.particles.spheres[index].centre = there.into();
         }
         self.book_springs(&marked, springs);
         if !self.terms.energy && farthest > SHORT_JUMP * self.neighborhood.smallest_radius() {
@@ -182,13 +180,13 @@ impl Simulation {
     /// velocity it was thought to have.
     fn place_velocity(&mut self, index: usize, motion: &PrescribedMotion) {
         let (dt, body) = (self.setup.timestep, self.setup.body);
-        let velocity = &mut self.particles.velocities[index];
+        let velocity = &mut self.particles.velocities_mut()[index];
         let (linear, angular) = (body.in_plane(&motion.velocity), body.about_plane(&motion.spin));
         let late = (linear - Vec3::from(velocity.linear), angular - Vec3::from(velocity.angular));
         (velocity.linear, velocity.angular) = (linear.into(), angular.into());
-        self.particles.accelerations[index] =
+        self.particles.accelerations_mut()[index] =
             Acceleration::new(body.in_plane(&motion.acceleration), body.about_plane(&motion.spin_acceleration));
-        let load = &self.particles.loads[index];
+        let load = &self.particles.loads()[index];
         let work = (load.force.dot(&late.0) + load.torque.dot(&late.1)) * dt;
         self.booked.prescribed_work -= work;
         // Springs are known until the lists are made anew; then the correction, of second order in dt, is left out.
@@ -205,15 +203,11 @@ impl Simulation {
 
     /// Acceleration [m/s2] that follows from a particle's path and load.
     pub(super) fn update_acceleration(&mut self, index: usize) {
-        let particles = &mut self.particles;
-        particles.accelerations[index] = acceleration(
-            &particles.loads[index],
-            &particles.velocities[index],
-            particles.spheres[index].radius,
-            &particles.accelerations[index],
-            &self.setup.gravity,
-            self.setup.body,
-        );
+        let particles = &self.particles;
+        let (velocity, held) = particles.motion(index);
+        let (load, radius) = (&particles.loads()[index], particles.spheres[index].radius);
+        let now = acceleration(load, &velocity, radius, &held, &self.setup.gravity, self.setup.body);
+        self.particles.accelerations_mut()[index] = now;
     }
 
     /// Books that a particle has become free: energy of motion and height, and momentum.

@@ -97,23 +97,23 @@ impl Simulation {
     /// Contacts of prescribed with free particles (tethered ones apart), sorted by identity.
     #[must_use]
     pub fn ghost_pressure(&self) -> Vec<GhostContact> {
-        let velocities = &self.particles.velocities;
-        let prescribed: Vec<bool> = velocities.iter().map(|velocity| velocity.path.is_prescribed()).collect();
+        let particles = &self.particles;
+        let prescribed: Vec<bool> = (0..particles.len()).map(|index| particles.path(index).is_prescribed()).collect();
         let mut contacts = Vec::new();
         self.for_each_contact_of(&prescribed, |index, (partner, other), point, seen| {
             let (Partner::Particle(resident), Some(other)) = (partner, other) else { return };
-            if !matches!(velocities[other].path, Path::Free | Path::Asleep) {
+            if !matches!(particles.path(other), Path::Free | Path::Asleep) {
                 return;
             }
-            let radius = |index: usize| self.particles.spheres[index].radius;
+            let radius = |index: usize| particles.spheres[index].radius;
             contacts.push(GhostContact {
-                ghost: self.particles.ids[index],
+                ghost: particles.ids[index],
                 resident,
                 overlap_ratio: seen.overlap / radius(index).min(radius(other)),
                 smaller_radius: radius(index).min(radius(other)),
                 point,
-                ghost_velocity: Vec3::from(velocities[index].linear),
-                resident_velocity: Vec3::from(velocities[other].linear),
+                ghost_velocity: Vec3::from(particles.velocity(index).linear),
+                resident_velocity: Vec3::from(particles.velocity(other).linear),
                 normal_force: seen.normal * seen.normal_force,
             });
         });
@@ -136,7 +136,8 @@ impl Simulation {
         marked: &[bool],
         mut visit: impl FnMut(usize, (Partner, Option<usize>), Vec3, &SeenContact),
     ) {
-        let scene = self.contact_scene();
+        let velocities = self.particles.velocities();
+        let scene = self.contact_scene(&velocities);
         let mut see = |index: usize, candidate: Candidate, kept: Memory| {
             let other = candidate.partner as usize;
             let prescribed = |particle: usize| scene.velocities[particle].path.is_prescribed();

@@ -2,7 +2,7 @@
 
 use super::energy::EnergyBudget;
 use super::meeting::ContactScene;
-use super::particles::Path;
+use super::particles::{Path, Velocity};
 use super::seen::{SeenContact, look, overlap_ratio};
 use super::simulation::Simulation;
 use super::wall_contacts::{WallContact, look_at_walls};
@@ -72,7 +72,7 @@ impl Simulation {
     #[must_use]
     pub fn loaded_state(&self, id: ParticleId) -> Option<(ParticleState, Vec3, Vec3)> {
         let index = self.particles.ids.iter().position(|held| *held == id)?;
-        let load = &self.particles.loads[index];
+        let load = &self.particles.loads()[index];
         Some((self.particles.state(index), load.force, load.torque))
     }
 
@@ -92,13 +92,13 @@ impl Simulation {
     #[must_use]
     pub fn contact_force(&self, id: ParticleId) -> Option<Vec3> {
         let index = self.particles.ids.iter().position(|held| *held == id)?;
-        Some(self.particles.loads[index].force)
+        Some(self.particles.loads()[index].force)
     }
 
     /// All particles in the order of storage: state, force by the contacts at the last time step [N], and how each moves.
     pub fn stored_states(&self) -> impl ExactSizeIterator<Item = (ParticleState, Vec3, Path)> {
         let particles = &self.particles;
-        let stored = |index| (particles.state(index), particles.loads[index].force, particles.velocities[index].path);
+        let stored = |index| (particles.state(index), particles.loads()[index].force, particles.path(index));
         (0..particles.len()).map(stored)
     }
 
@@ -114,11 +114,12 @@ impl Simulation {
         self.presence.awaits_rest()
     }
 
-    pub(super) fn contact_scene(&self) -> ContactScene<'_> {
+    /// What observers look at contacts with: they need no accelerations.
+    pub(super) fn contact_scene<'a>(&'a self, velocities: &'a [Velocity]) -> ContactScene<'a> {
         ContactScene {
             spheres: &self.particles.spheres,
-            velocities: &self.particles.velocities,
-            accelerations: &self.particles.accelerations,
+            velocities,
+            accelerations: &[],
             law: &self.law,
             only_material: self.neighborhood.only_material,
             images: &self.neighborhood.images,
@@ -131,7 +132,8 @@ impl Simulation {
 
     /// Calls `visit` for every contact: (storage index of i, the other body, contact point [m], contact).
     pub(super) fn for_each_contact(&self, mut visit: impl FnMut(usize, Partner, Vec3, &SeenContact)) {
-        let scene = self.contact_scene();
+        let velocities = self.particles.velocities();
+        let scene = self.contact_scene(&velocities);
         for chunk in &self.neighborhood.chunks {
             for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
                 for (entry, owner, candidate) in list.pairs() {
@@ -219,7 +221,9 @@ impl Simulation {
     /// Number and depth of all contacts at the present time, without their forces.
     #[must_use]
     pub fn contact_survey(&self) -> ContactSurvey {
-        let (scene, mut survey) = (self.contact_scene(), ContactSurvey::default());
+        let mut survey = ContactSurvey::default();
+        // How deep contacts are does not depend on velocities.
+        let scene = self.contact_scene(self.particles.laws_velocities());
         let mut points = Vec::new();
         for chunk in &self.neighborhood.chunks {
             for (list, both) in [(&chunk.own, true), (&chunk.cross, false)] {
@@ -253,7 +257,7 @@ impl Simulation {
         let mut budget = self.booked;
         let factor = self.setup.body.inertia_factor();
         for index in 0..self.particles.len() {
-            let velocity = &self.particles.velocities[index];
+            let velocity = self.particles.velocity(index);
             if velocity.path.is_prescribed() {
                 continue;
             }

@@ -13,6 +13,8 @@ pub(super) struct MotionNote {
     pub farthest_squared: f64,
     /// Whether a centre is beyond an open border.
     pub leaves: bool,
+    /// Whether places and velocities are numbers far from overflow.
+    pub is_moderate: bool,
 }
 
 /// Lower and upper borders [m] as rows; infinite where there is none.
@@ -23,22 +25,109 @@ pub(super) fn border_rows(domain: &Bounds, periodic: [bool; 3]) -> [[f64; 4]; 2]
     [row(domain.minimum, f64::NEG_INFINITY), row(domain.maximum, f64::INFINITY)]
 }
 
-/// x += v dt + a dt^2 / 2, v += a lead dt, and spins likewise.
-pub(super) struct Advance<'a> {
-    pub spheres: &'a mut [Sphere],
-    pub velocities: &'a mut [Velocity],
-    pub accelerations: &'a [Acceleration],
+/// The end of a time step: new accelerations from loads, and v += (a_new / 2 + a_old (1/2 - lead)) dt, spins likewise.
+#[derive(Debug, Clone, Copy)]
+pub struct Correction {
     /// Time step [s].
     pub dt: f64,
     /// Share of it that the laws' velocities are ahead.
     pub lead: f64,
-    /// Open borders, lower and upper.
-    pub domain: &'a [[f64; 4]; 2],
+    /// Gravity [m/s2].
+    pub gravity: Vec3,
+    /// Spheres or discs.
+    pub body: Body,
 }
 
-/// A vector in the first three lanes of a row.
-fn row<R: Lanes>(vector: &Vec3) -> R {
-    R::from_slice(&[vector.x, vector.y, vector.z, 0.0])
+impl Correction {
+    /// Turns the velocities that the laws saw and the accelerations of the last full step into those of the present one, of a
+    /// particle that its `load` moves.
+    pub(super) fn complete(
+        &self,
+        velocity: &mut Velocity,
+        acceleration: &mut Acceleration,
+        load: &Load,
+        sphere: &Sphere,
+    ) {
+        let rows = CorrectionRows::<<f64 as Lanes>::Row>::new(self);
+        let old = read(acceleration.rows());
+        let new = rows.accelerations(load, velocity.inverse_mass, sphere.radius);
+        let [v, w] = velocity.rows_mut();
+        let full = rows.velocities(read([v, w]), old, new);
+        write(full, [v, w]);
+        write(new, acceleration.rows_mut());
+    }
+}
+
+/// Two rows of a record.
+#[inline(always)]
+fn read<R: Lanes>(rows: [&[f64; 4]; 2]) -> [R; 2] {
+    [R::from_slice(rows[0]), R::from_slice(rows[1])]
+}
+
+/// Writes two rows of a record.
+#[inline(always)]
+fn write<R: Lanes>(values: [R; 2], rows: [&mut [f64; 4]; 2]) {
+    values[0].write_to(rows[0]);
+    values[1].write_to(rows[1]);
+}
+
+/// A correction's numbers as rows.
+struct CorrectionRows<R: Lanes> {
+    gravity: R,
+    in_plane: R::Mask,
+    about_plane: R::Mask,
+    inertia_factor: f64,
+    dt: R,
+    half: R,
+    rest: R,
+}
+
+impl<R: Lanes> CorrectionRows<R> {
+    #[inline(always)]
+    fn new(correction: &Correction) -> Self {
+        let Correction { dt, lead, gravity, body } = correction;
+        let ([in_plane, about_plane], gravity) = (axes(*body), body.in_plane(gravity));
+        Self {
+            gravity: R::from_slice(&[gravity.x, gravity.y, gravity.z, 0.0]),
+            in_plane: R::Mask::from_bits(in_plane),
+            about_plane: R::Mask::from_bits(about_plane),
+            inertia_factor: body.inertia_factor(),
+            dt: R::splat(*dt),
+            half: R::splat(0.5),
+            rest: R::splat(0.5 - lead),
+        }
+    }
+
+    /// F / m + g and M / (c m r^2) of a particle that its load moves.
+    #[inline(always)]
+    fn accelerations(&self, load: &Load, inverse_mass: f64, radius: f64) -> [R; 2] {
+        let [force, torque] = read::<R>(load.rows());
+        let inverse_inertia = inverse_mass / (self.inertia_factor * radius * radius);
+        [
+            R::select(self.in_plane, force * R::splat(inverse_mass) + self.gravity, R::zero()),
+            R::select(self.about_plane, torque * R::splat(inverse_inertia), R::zero()),
+        ]
+    }
+
+    /// Full-step velocities from those that the laws `saw`, with the accelerations at both ends of the time step.
+    #[inline(always)]
+    fn velocities(&self, saw: [R; 2], old: [R; 2], new: [R; 2]) -> [R; 2] {
+        let linear = saw[0] + (new[0] * self.half + old[0] * self.rest) * self.dt;
+        let angular = saw[1] + (new[1] * self.half + old[1] * self.rest) * self.dt;
+        [linear, first_three(angular, saw[1])]
+    }
+}
+
+/// x += v dt + a dt^2 / 2, v += a lead dt, and spins likewise. With `LATE`, the time step before is completed first.
+pub(super) struct Advance<'a, const LATE: bool> {
+    pub spheres: &'a mut [Sphere],
+    pub velocities: &'a mut [Velocity],
+    pub accelerations: &'a mut [Acceleration],
+    /// Of the time step before.
+    pub loads: &'a [Load],
+    pub correction: &'a Correction,
+    /// Open borders, lower and upper.
+    pub domain: &'a [[f64; 4]; 2],
 }
 
 /// `changed` in the first three lanes, `kept` in the last: the radius, or what is no number.
@@ -47,34 +136,79 @@ fn first_three<R: Lanes>(changed: R, kept: R) -> R {
     R::select(R::Mask::from_bits(0b0111), changed, kept)
 }
 
-impl LaneWork for Advance<'_> {
+impl<const LATE: bool> LaneWork for Advance<'_, LATE> {
     type Output = MotionNote;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> MotionNote {
+        let Self { spheres, velocities, accelerations, loads, correction, domain } = self;
         let number = L::Row::splat;
-        let (dt, half_square, lead) = (number(self.dt), number(0.5 * self.dt * self.dt), number(self.lead * self.dt));
-        let [lower, upper] = [&self.domain[0], &self.domain[1]];
-        let (lower, upper) = (L::Row::from_slice(lower), L::Row::from_slice(upper));
+        let Correction { dt, lead, .. } = *correction;
+        let late = CorrectionRows::<L::Row>::new(correction);
+        let (dt, half_square, lead) = (number(dt), number(0.5 * dt * dt), number(lead * dt));
+        let [lower, upper] = read([&domain[0], &domain[1]]);
+        let (zero, mut sum) = (L::Row::zero(), L::Row::zero());
         let mut note = MotionNote::default();
-        for ((sphere, velocity), acceleration) in self.spheres.iter_mut().zip(self.velocities).zip(self.accelerations) {
-            let [linear, angular] = acceleration.rows();
-            let (linear, angular) = (L::Row::from_slice(linear), L::Row::from_slice(angular));
+        let particles = spheres.iter_mut().zip(velocities).zip(accelerations).zip(loads);
+        for (((sphere, velocity), acceleration), load) in particles {
+            let mut a = read::<L::Row>(acceleration.rows());
+            let inverse_mass = velocity.inverse_mass;
             let [v, w] = velocity.rows_mut();
-            let (old, spin) = (L::Row::from_slice(v), L::Row::from_slice(w));
-            let way = old * dt + linear * half_square;
+            let mut full = read::<L::Row>([v, w]);
+            if LATE {
+                let new = late.accelerations(load, inverse_mass, sphere.radius);
+                full = late.velocities(full, a, new);
+                a = new;
+                write(new, acceleration.rows_mut());
+            }
+            let [linear, angular] = a;
+            let way = full[0] * dt + linear * half_square;
             let place = L::Row::from_slice(sphere.row());
             let centre = first_three(place + way, place);
             centre.write_to(sphere.row_mut());
             // The inverse mass stays as it is: its acceleration is 0.
-            (old + linear * lead).write_to(v);
-            first_three(spin + angular * lead, spin).write_to(w);
+            let seen = full[0] + linear * lead;
+            seen.write_to(v);
+            let turned = full[1] + angular * lead;
+            first_three(turned, full[1]).write_to(w);
             let mut square = [0.0; 4];
             (way * way).write_to(&mut square);
             note.farthest_squared = note.farthest_squared.max(square[0] + square[1] + square[2]);
             note.leaves |= (centre.below(lower) | centre.exceeds(upper)).any();
+            let turned = first_three(turned, zero);
+            sum = sum + (centre * centre + (seen * seen + turned * turned));
         }
+        note.is_moderate = is_moderate(sum);
         note
+    }
+}
+
+/// Sum of squares, each in its SI unit, up to which a particle's motion and load make finite places and velocities for certain.
+///
+/// Each number is below 1e100 then. 1/m is among them, so that no radius is below 1e-35 m, and accelerations stay below 1e280: far
+/// from the largest number, as are the sums by which [`Correct`] looks for what is not finite.
+const MODERATE: f64 = 1e200;
+
+/// Whether a sum of squares is that of numbers far from overflow: not-a-number is not.
+#[inline(always)]
+fn is_moderate<R: Lanes>(squares: R) -> bool {
+    squares.to_array().iter().sum::<f64>() < MODERATE
+}
+
+/// Whether all loads are numbers far from overflow.
+pub(super) struct ModerateLoads<'a>(pub &'a [Load]);
+
+impl LaneWork for ModerateLoads<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> bool {
+        let mut sum = L::Row::zero();
+        for load in self.0 {
+            let [force, torque] = read::<L::Row>(load.rows());
+            sum = sum + (force * force + torque * torque);
+        }
+        is_moderate(sum)
     }
 }
 
@@ -106,7 +240,7 @@ impl StepNote {
     };
 }
 
-/// New accelerations from loads, and v += (a_new / 2 + a_old (1/2 - lead)) dt, spins likewise.
+/// Completes a time step at its end, and books what was done in it.
 pub(super) struct Correct<'a> {
     pub velocities: &'a mut [Velocity],
     pub accelerations: &'a mut [Acceleration],
@@ -114,12 +248,7 @@ pub(super) struct Correct<'a> {
     pub spheres: &'a [Sphere],
     /// Forces of the normal springs; empty where losses are not accounted for.
     pub springs: &'a [Vec3],
-    /// Time step [s].
-    pub dt: f64,
-    /// Share of it that the laws' velocities are ahead.
-    pub lead: f64,
-    pub gravity: Vec3,
-    pub body: Body,
+    pub correction: &'a Correction,
     /// When sleepers wake, where anybody may sleep.
     pub sleep: Option<&'a SleepSettings>,
 }
@@ -129,11 +258,8 @@ impl LaneWork for Correct<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> StepNote {
-        let number = L::Row::splat;
-        let gravity = row::<L::Row>(&self.body.in_plane(&self.gravity));
-        let [in_plane, about_plane] = axes(self.body).map(<L::Row as Lanes>::Mask::from_bits);
-        let inertia_factor = self.body.inertia_factor();
-        let (dt, half, rest) = (number(self.dt), number(0.5), number(0.5 - self.lead));
+        let Correction { dt, gravity, body, .. } = *self.correction;
+        let rows = CorrectionRows::<L::Row>::new(self.correction);
         let zero = L::Row::zero();
         let mut note = StepNote::default();
         // Finite exactly while all that is added is.
@@ -141,37 +267,26 @@ impl LaneWork for Correct<'_> {
         for index in 0..self.velocities.len() {
             let (velocity, sphere) = (&mut self.velocities[index], &self.spheres[index]);
             let held = &mut self.accelerations[index];
-            let old = [L::Row::from_slice(held.rows()[0]), L::Row::from_slice(held.rows()[1])];
+            let old = read(held.rows());
             let seen = *velocity;
-            let (linear, angular);
             let wakes = self.sleep.is_some_and(|sleep| {
-                velocity.path == Path::Asleep
-                    && note.wakes(sleep, velocity, sphere, &self.loads[index], &self.gravity, self.body)
+                velocity.path == Path::Asleep && note.wakes(sleep, velocity, sphere, &self.loads[index], &gravity, body)
             });
-            if !velocity.path.yields() {
-                *held = acceleration(&self.loads[index], velocity, sphere.radius, held, &self.gravity, self.body);
-                let rows = held.rows();
-                (linear, angular) = (L::Row::from_slice(rows[0]), L::Row::from_slice(rows[1]));
+            let new = if velocity.path.yields() {
+                let new = rows.accelerations(&self.loads[index], velocity.inverse_mass, sphere.radius);
+                write(new, held.rows_mut());
+                new
             } else {
-                let [force, torque] = self.loads[index].rows();
-                let (force, torque) = (L::Row::from_slice(force), L::Row::from_slice(torque));
-                let inverse_inertia = velocity.inverse_mass / (inertia_factor * sphere.radius * sphere.radius);
-                linear = L::Row::select(in_plane, force * number(velocity.inverse_mass) + gravity, zero);
-                angular = L::Row::select(about_plane, torque * number(inverse_inertia), zero);
-                let rows = held.rows_mut();
-                linear.write_to(rows[0]);
-                angular.write_to(rows[1]);
-            }
+                *held = acceleration(&self.loads[index], velocity, sphere.radius, held, &gravity, body);
+                read(held.rows())
+            };
             let [v, w] = velocity.rows_mut();
-            let corrected = L::Row::from_slice(v) + (linear * half + old[0] * rest) * dt;
-            let spin = L::Row::from_slice(w);
-            let turned = first_three(spin + (angular * half + old[1] * rest) * dt, spin);
-            corrected.write_to(v);
-            turned.write_to(w);
+            let [corrected, turned] = rows.velocities(read([v, w]), old, new);
+            write([corrected, turned], [v, w]);
             sum = sum + corrected + first_three(turned, zero) + L::Row::from_slice(sphere.row());
             // Of who wakes the springs are not known apart, and the late work is of the second order of dt.
             if !wakes {
-                note.account(&seen, velocity, &self.loads[index], self.springs.get(index), self.dt);
+                note.account(&seen, velocity, &self.loads[index], self.springs.get(index), dt);
             }
         }
         note.is_finite = sum.to_array().iter().sum::<f64>().is_finite();

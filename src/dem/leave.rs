@@ -1,6 +1,7 @@
 //! Particles that leave the domain, go round its periodic borders, or are taken out.
 
 use super::inspect::Partner;
+use super::particles::MotionLists;
 use super::removal::{Removal, RemovalCause};
 use super::simulation::Simulation;
 use crate::particle::ParticleId;
@@ -46,7 +47,7 @@ impl Simulation {
         for &(index, cause) in leavers {
             let state = self.particles.state(index);
             // A prescribed particle's own energy is outside of the budget.
-            if !self.particles.velocities[index].path.is_prescribed() {
+            if !self.particles.path(index).is_prescribed() {
                 self.booked.removed += self.mechanical_energy_of(&state);
                 let velocity = match cause {
                     RemovalCause::Asked | RemovalCause::Gate | RemovalCause::Fate => state.velocity,
@@ -84,7 +85,8 @@ impl Simulation {
             return;
         }
         let mut lifted = 0.0;
-        for (sphere, velocity) in self.particles.spheres.iter_mut().zip(&self.particles.velocities) {
+        let MotionLists { spheres, velocities, .. } = self.particles.kept_lists();
+        for (sphere, velocity) in spheres.iter_mut().zip(velocities) {
             for axis in (0..3).filter(|&axis| periodic[axis]) {
                 let length = domain.maximum[axis] - domain.minimum[axis];
                 let turns = ((sphere.centre[axis] - domain.minimum[axis]) / length).floor();

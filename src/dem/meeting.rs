@@ -15,7 +15,7 @@ pub struct ContactScene<'a> {
     pub spheres: &'a [Sphere],
     /// Velocities.
     pub velocities: &'a [Velocity],
-    /// Accelerations at the last full step.
+    /// Accelerations at the last full step; none where no losses are to be booked.
     pub accelerations: &'a [Acceleration],
     /// Laws.
     pub law: &'a LawTable,

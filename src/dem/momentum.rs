@@ -66,9 +66,8 @@ impl Simulation {
     /// ([`super::simulation::Setup::momentum`]).
     #[must_use]
     pub fn momentum_budget(&self) -> MomentumBudget {
-        let free = (0..self.particles.len()).filter(|&index| !self.particles.velocities[index].path.is_prescribed());
-        let momentum =
-            free.map(|index| Vec3::from(self.particles.velocities[index].linear) * self.particles.mass(index)).sum();
+        let free = (0..self.particles.len()).filter(|&index| !self.particles.path(index).is_prescribed());
+        let momentum = free.map(|index| self.momentum_of(index)).sum();
         MomentumBudget { momentum, ..self.momentum.booked }
     }
 
@@ -135,8 +134,8 @@ impl Simulation {
     fn regroup(&mut self) {
         let (mut free_mass, mut free_force, mut ghost_force) = (0.0, Vec3::zeros(), Vec3::zeros());
         for index in 0..self.particles.len() {
-            let force = self.particles.loads[index].force;
-            if self.particles.velocities[index].path.is_prescribed() {
+            let force = self.particles.loads()[index].force;
+            if self.particles.path(index).is_prescribed() {
                 ghost_force += force;
             } else {
                 free_mass += self.particles.mass(index);
@@ -154,6 +153,6 @@ impl Simulation {
 
     /// Momentum of particle `index` [kg m/s].
     pub(super) fn momentum_of(&self, index: usize) -> Vec3 {
-        Vec3::from(self.particles.velocities[index].linear) * self.particles.mass(index)
+        Vec3::from(self.particles.velocity(index).linear) * self.particles.mass(index)
     }
 }

@@ -44,6 +44,8 @@ pub struct Chunk {
     pub part_loads: Vec<PartLoad>,
     /// What is known of its rest.
     pub rest: ChunkRest,
+    /// Whether its loads were looked at and all are numbers far from overflow.
+    pub is_moderate: bool,
 }
 
 /// What the lists are made with.
@@ -344,7 +346,7 @@ impl Neighborhood {
         let placed = |centres: &[[f64; 3]]| -> Vec<Sphere> {
             particles.spheres.iter().zip(centres).map(|(s, c)| Sphere { centre: *c, radius: s.radius }).collect()
         };
-        let (order, velocities) = ((0..particles.len() as u32).collect::<Vec<u32>>(), &particles.velocities);
+        let (order, velocities) = ((0..particles.len() as u32).collect::<Vec<u32>>(), particles.laws_velocities());
         self.make_lists(&placed(&outer_reference), velocities, &order, &HeldMemory::default(), threads);
         // Ascending, as they were written.
         let listed = |index: &u32| listed_asleep.binary_search(index).is_ok();
@@ -381,7 +383,7 @@ impl Simulation {
         if 2.0 * far + neighborhood.inner_skin > neighborhood.settings.skin {
             self.rebuild_neighborhood();
         } else {
-            neighborhood.prune(spheres, &self.particles.velocities, &self.threads);
+            neighborhood.prune(spheres, self.particles.laws_velocities(), &self.threads);
         }
     }
 
@@ -395,7 +397,7 @@ impl Simulation {
         self.particles.reorder(&order);
         let walls = self.take_wall_contacts(&order);
         let near = self.take_wall_candidates();
-        let Particles { spheres, velocities, .. } = &self.particles;
+        let (spheres, velocities) = (&self.particles.spheres, self.particles.laws_velocities());
         self.neighborhood.make_lists(spheres, velocities, &order, &held, &self.threads);
         self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &order);
@@ -413,7 +415,7 @@ impl Simulation {
         let from_old: Vec<u32> = order.iter().map(|&index| kept[index as usize]).collect();
         let walls = self.take_wall_contacts(&from_old);
         let near = self.take_wall_candidates();
-        let Particles { spheres, velocities, .. } = &self.particles;
+        let (spheres, velocities) = (&self.particles.spheres, self.particles.laws_velocities());
         self.neighborhood.make_lists(spheres, velocities, &from_old, &held, &self.threads);
         self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &from_old);

@@ -1,7 +1,9 @@
 //! Storage of the particles: records in the order of the cells, so that neighbours lie close in memory.
 
+use super::integrate::Correction;
 use crate::math::{Vec3, vec3};
 use crate::particle::{Body, ParticleId, ParticleState};
+use std::borrow::Cow;
 
 /// Centre [m] and radius [m]: all that the search for contacts reads.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -187,16 +189,21 @@ impl Acceleration {
 }
 
 /// All particles, in storage order. Every list has the same length, but for the last one while it is empty.
+///
+/// A time step may be left to be completed: velocities are still those that the contact laws saw then, and accelerations those of
+/// the full step before. Readers get the present ones all the same, made for them; whoever changes something completes the step.
 #[derive(Debug, Clone, Default)]
 pub struct Particles {
     /// Centres and radii.
     pub spheres: Vec<Sphere>,
-    /// Velocities at the present time; within a time step, those the contact laws see.
-    pub velocities: Vec<Velocity>,
+    /// Velocities at the present time; within a time step and while it is late, those the contact laws see.
+    velocities: Vec<Velocity>,
     /// Present loads.
-    pub loads: Vec<Load>,
-    /// Accelerations at the last full step.
-    pub accelerations: Vec<Acceleration>,
+    loads: Vec<Load>,
+    /// Accelerations at the last full step; while it is late, at the one before.
+    accelerations: Vec<Acceleration>,
+    /// What completes the last time step, where that is still to be done.
+    late: Option<Correction>,
     /// Identities.
     pub ids: Vec<ParticleId>,
     /// Particle densities [kg/m3].
@@ -205,7 +212,123 @@ pub struct Particles {
     pub calm_looks: Vec<u8>,
 }
 
+/// The lists that a time step works on.
+#[derive(Debug)]
+pub(super) struct MotionLists<'a> {
+    pub spheres: &'a mut [Sphere],
+    pub velocities: &'a mut [Velocity],
+    pub accelerations: &'a mut [Acceleration],
+    pub loads: &'a mut [Load],
+}
+
 impl Particles {
+    /// Particles of these records, which lie in the same order.
+    #[must_use]
+    pub const fn of_records(
+        spheres: Vec<Sphere>,
+        velocities: Vec<Velocity>,
+        accelerations: Vec<Acceleration>,
+        loads: Vec<Load>,
+        ids: Vec<ParticleId>,
+        densities: Vec<f64>,
+    ) -> Self {
+        Self { spheres, velocities, loads, accelerations, late: None, ids, densities, calm_looks: Vec::new() }
+    }
+
+    /// The lists as they are kept, late or not, for who carries out a time step.
+    pub(super) fn kept_lists(&mut self) -> MotionLists<'_> {
+        let Self { spheres, velocities, accelerations, loads, .. } = self;
+        MotionLists { spheres, velocities, accelerations, loads }
+    }
+
+    /// Leaves the last time step to be completed by `correction`; every particle must be moved by its load.
+    pub(super) fn put_off(&mut self, correction: Correction) {
+        debug_assert!(self.late.is_none() && self.velocities.iter().all(|velocity| velocity.path.yields()));
+        self.late = Some(correction);
+    }
+
+    /// What is left to be done of the last time step, for who does it now.
+    pub(super) const fn take_late(&mut self) -> Option<Correction> {
+        self.late.take()
+    }
+
+    /// Completes the last time step.
+    fn complete(&mut self) {
+        let Some(correction) = self.late.take() else { return };
+        let moved = self.velocities.iter_mut().zip(&mut self.accelerations);
+        for ((velocity, acceleration), (load, sphere)) in moved.zip(self.loads.iter().zip(&self.spheres)) {
+            correction.complete(velocity, acceleration, load, sphere);
+        }
+    }
+
+    /// Velocity and acceleration of a particle at the present full step; within a time step, the velocity that the laws see.
+    #[must_use]
+    pub fn motion(&self, index: usize) -> (Velocity, Acceleration) {
+        let (mut velocity, mut acceleration) = (self.velocities[index], self.accelerations[index]);
+        if let Some(correction) = &self.late {
+            correction.complete(&mut velocity, &mut acceleration, &self.loads[index], &self.spheres[index]);
+        }
+        (velocity, acceleration)
+    }
+
+    /// The velocity of [`Particles::motion`].
+    #[must_use]
+    pub fn velocity(&self, index: usize) -> Velocity {
+        self.motion(index).0
+    }
+
+    /// The acceleration of [`Particles::motion`].
+    #[must_use]
+    pub fn acceleration(&self, index: usize) -> Acceleration {
+        self.motion(index).1
+    }
+
+    /// Velocities of all particles as [`Particles::motion`] gives them.
+    #[must_use]
+    pub fn velocities(&self) -> Cow<'_, [Velocity]> {
+        match self.late {
+            None => Cow::Borrowed(&self.velocities),
+            Some(_) => (0..self.len()).map(|index| self.velocity(index)).collect(),
+        }
+    }
+
+    /// What does not change within a time step is true of these: path, material and mass. Their velocities are those that the
+    /// contact laws see, or full-step ones where the last step is complete.
+    #[must_use]
+    pub fn laws_velocities(&self) -> &[Velocity] {
+        &self.velocities
+    }
+
+    /// How a particle moves.
+    #[must_use]
+    pub fn path(&self, index: usize) -> Path {
+        self.velocities[index].path
+    }
+
+    /// Present loads.
+    #[must_use]
+    pub fn loads(&self) -> &[Load] {
+        &self.loads
+    }
+
+    /// The velocities at the present full step, to be changed.
+    pub fn velocities_mut(&mut self) -> &mut [Velocity] {
+        self.complete();
+        &mut self.velocities
+    }
+
+    /// The accelerations at the present full step, to be changed.
+    pub fn accelerations_mut(&mut self) -> &mut [Acceleration] {
+        self.complete();
+        &mut self.accelerations
+    }
+
+    /// The present loads, to be changed.
+    pub fn loads_mut(&mut self) -> &mut [Load] {
+        self.complete();
+        &mut self.loads
+    }
+
     /// Number of particles.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -220,6 +343,7 @@ impl Particles {
 
     /// Adds a free particle. Of a disc, what lies outside of its plane is left out.
     pub fn push(&mut self, state: &ParticleState, body: Body) {
+        self.complete();
         self.spheres.push(Sphere { centre: body.in_plane(&state.position).into(), radius: state.radius });
         self.velocities.push(Velocity {
             linear: body.in_plane(&state.velocity).into(),
@@ -240,14 +364,15 @@ impl Particles {
     /// Particle number `index` as others see it.
     #[must_use]
     pub fn state(&self, index: usize) -> ParticleState {
+        let velocity = self.velocity(index);
         ParticleState {
             id: self.ids[index],
-            material: self.velocities[index].material as u16,
+            material: velocity.material as u16,
             radius: self.spheres[index].radius,
             density: self.densities[index],
             position: self.spheres[index].position(),
-            velocity: Vec3::from(self.velocities[index].linear),
-            spin: Vec3::from(self.velocities[index].angular),
+            velocity: Vec3::from(velocity.linear),
+            spin: Vec3::from(velocity.angular),
         }
     }
 
@@ -270,7 +395,8 @@ impl Particles {
     /// Root-mean-square speed of the centres [m/s]; 0 without particles.
     #[must_use]
     pub fn rms_speed(&self) -> f64 {
-        let sum: f64 = self.velocities.iter().map(|velocity| Vec3::from(velocity.linear).norm_squared()).sum();
+        let square = |index| Vec3::from(self.velocity(index).linear).norm_squared();
+        let sum: f64 = (0..self.len()).map(square).sum();
         if self.is_empty() { 0.0 } else { (sum / self.len() as f64).sqrt() }
     }
 

@@ -67,7 +67,7 @@ impl Simulation {
         let here = self.indices_of(&ids);
         let motion = |arrival: &Arrival| {
             let index = here.get(arrival.state.id)?;
-            self.particles.velocities[index].path.is_prescribed().then(|| (index, motion_of(&arrival.state)))
+            self.particles.path(index).is_prescribed().then(|| (index, motion_of(&arrival.state)))
         };
         let motions: Vec<_> = arrivals.iter().filter_map(motion).collect();
         self.place(&motions);
@@ -101,11 +101,11 @@ impl Simulation {
         let mut count = ReleaseCount::default();
         for arrival in arrivals {
             let index = here.get(arrival.state.id).expect("the absent have been inserted");
-            if !self.particles.velocities[index].path.is_prescribed() {
+            if !self.particles.path(index).is_prescribed() {
                 continue;
             }
-            self.particles.velocities[index].path = Path::Free;
-            self.particles.loads[index] = Load::new(arrival.force, arrival.torque);
+            self.particles.velocities_mut()[index].path = Path::Free;
+            self.particles.loads_mut()[index] = Load::new(arrival.force, arrival.torque);
             self.update_acceleration(index);
             self.book_comer(index);
             self.restore_contacts(index, &arrival.contacts, &here, &mut count);
@@ -124,7 +124,7 @@ impl Simulation {
         for (partner, memory) in contacts {
             if let Partner::Particle(id) = partner {
                 match here.get(*id) {
-                    Some(other) if !self.particles.velocities[other].path.is_prescribed() => count.kept_by_solver += 1,
+                    Some(other) if !self.particles.path(other).is_prescribed() => count.kept_by_solver += 1,
                     Some(other) if self.neighborhood.remember(index, other, memory) => count.restored += 1,
                     _ => count.without_partner += 1,
                 }

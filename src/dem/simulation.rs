@@ -105,6 +105,8 @@ pub struct Simulation {
     pub(super) sleep_changes: SleepChanges,
     /// Whether a particle went beyond an open border when all were moved.
     pub(super) has_leavers: bool,
+    /// Whether places, velocities and loads of this time step were all found to be numbers far from overflow.
+    pub(super) is_moderate: bool,
     pub(super) phases: super::phase::PhaseTimes,
 }
 
@@ -147,6 +149,7 @@ impl Simulation {
             watchdog: Watchdog::default(),
             sleep_changes: SleepChanges::default(),
             has_leavers: false,
+            is_moderate: false,
             phases: super::phase::PhaseTimes::default(),
             setup,
         }
@@ -177,9 +180,7 @@ impl Simulation {
         self.walls.set_time(self.time());
         self.refresh_neighborhood();
         self.compute_loads(self.setup.timestep);
-        self.pull_tethers();
-        self.correct();
-        self.book_tethers();
+        self.complete();
         self.book_new_forces();
         self.lay_to_sleep();
         self.watch()
@@ -213,7 +214,7 @@ impl Simulation {
             let last = self.particles.len() - 1;
             self.booked.inserted += self.mechanical_energy_of(&self.particles.state(last));
             // A newcomer falls freely until its first contact; loads at time 0 are computed before the first step.
-            self.particles.accelerations[last].linear = self.setup.body.in_plane(&self.setup.gravity);
+            self.particles.accelerations_mut()[last].linear = self.setup.body.in_plane(&self.setup.gravity);
             self.note_comer(self.momentum_of(last));
         }
         self.watchdog.expect_new_energy();

@@ -107,9 +107,8 @@ impl Simulation {
         let started = Instant::now();
         self.particles.calm_looks.resize(self.particles.len(), 0);
         for index in 0..self.particles.len() {
-            let (velocity, radius) = (&self.particles.velocities[index], self.particles.spheres[index].radius);
-            let calm =
-                velocity.path == Path::Free && settings.is_calm(velocity, &self.particles.accelerations[index], radius);
+            let ((velocity, acceleration), sphere) = (self.particles.motion(index), &self.particles.spheres[index]);
+            let calm = velocity.path == Path::Free && settings.is_calm(&velocity, &acceleration, sphere.radius);
             let looks = &mut self.particles.calm_looks[index];
             *looks = if calm { *looks + 1 } else { 0 };
             if *looks > LOOKS_PER_HOLD {
@@ -118,7 +117,7 @@ impl Simulation {
             }
         }
         // Pairs at rest stand together in the lists, so that whole blocks of them are at rest.
-        if self.neighborhood.lists_others_asleep(&self.particles.velocities) {
+        if self.neighborhood.lists_others_asleep(self.particles.laws_velocities()) {
             self.renew_lists();
         }
         self.phases.integration += started.elapsed();
@@ -129,9 +128,9 @@ impl Simulation {
         let still = crate::particle::ParticleState { velocity: Vec3::zeros(), spin: Vec3::zeros(), ..state };
         self.booked.sleep += self.mechanical_energy_of(&state) - self.mechanical_energy_of(&still);
         self.note_sleeper(self.momentum_of(index));
-        let velocity = &mut self.particles.velocities[index];
+        let velocity = &mut self.particles.velocities_mut()[index];
         (velocity.linear, velocity.angular, velocity.path) = ([0.0; 3], [0.0; 3], Path::Asleep);
-        self.particles.accelerations[index] = Acceleration::ZERO;
+        self.particles.accelerations_mut()[index] = Acceleration::ZERO;
         self.note_sleep_change();
     }
 
@@ -153,8 +152,8 @@ impl Simulation {
 
     /// Wakes the particle stored at `index`, if it sleeps: something else than forces happens to it.
     pub(super) fn wake(&mut self, index: usize) {
-        if self.particles.velocities[index].path == Path::Asleep {
-            self.particles.velocities[index].path = Path::Free;
+        if self.particles.path(index) == Path::Asleep {
+            self.particles.velocities_mut()[index].path = Path::Free;
             self.update_acceleration(index);
             self.momentum.regrouped = true;
             self.note_sleep_change();
@@ -163,10 +162,10 @@ impl Simulation {
 
     /// Sum of the loads and weights of all sleepers [N]: what being asleep takes up.
     pub(super) fn force_on_sleepers(&self) -> Vec3 {
-        let asleep = |index: &usize| self.particles.velocities[*index].path == Path::Asleep;
+        let asleep = |index: &usize| self.particles.path(*index) == Path::Asleep;
         let body = self.setup.body;
         let unbalanced = |index: usize| {
-            body.in_plane(&(self.particles.loads[index].force + self.setup.gravity * self.particles.mass(index)))
+            body.in_plane(&(self.particles.loads()[index].force + self.setup.gravity * self.particles.mass(index)))
         };
         (0..self.particles.len()).filter(asleep).map(unbalanced).sum()
     }

@@ -4,14 +4,17 @@
 //! (Vyas, Ottino, Lueptow & Umbanhowar 2025), not the half-step velocity v + a dt / 2 that velocity-Verlet codes commonly pass
 //! and that spoils static friction at large size ratios; the compatibility mode passes the latter. With the new loads,
 //! v = v + (a_old + a_new) dt / 2. Spins likewise.
+//!
+//! Where nothing else happens between this correction and the next time step's motion, both are one pass over the particles
+//! (`docs/decisions/late-corrections.md`): the step is then left late, see [`super::particles::Particles`].
 
-use super::integrate::{Advance, Correct, MotionNote, StepNote, acceleration, border_rows};
+use super::integrate::{Advance, Correct, Correction, ModerateLoads, MotionNote, StepNote, acceleration, border_rows};
 use super::law::Compatibility;
 use super::meeting::ContactScene;
 use super::neighborhood::Chunk;
 use super::pair_contacts::PairKernel;
-use super::particles::Load;
-use super::simulation::Simulation;
+use super::particles::{Load, MotionLists};
+use super::simulation::{Setup, Simulation};
 use super::wall_contacts::{PartLoad, WallKernel};
 use crate::math::Vec3;
 use crate::math::lanes::{LaneWork, Lanes, at_level};
@@ -31,7 +34,7 @@ fn split_at_chunks<T>(mut list: &mut [T], ranges: impl Iterator<Item = Range<usi
 
 impl Simulation {
     /// Share of a dt that the contact laws' velocities are ahead of the last full step.
-    fn velocity_lead(&self) -> f64 {
+    const fn velocity_lead(&self) -> f64 {
         match self.setup.law.compatibility {
             Compatibility::Tollgate => 1.0,
             Compatibility::Liggghts => 0.5,
@@ -40,35 +43,49 @@ impl Simulation {
 
     /// What [`Simulation::advance`] adds to a particle's velocity [m/s].
     pub(super) fn velocity_gained(&self, index: usize) -> Vec3 {
-        self.particles.accelerations[index].linear * (self.velocity_lead() * self.setup.timestep)
+        self.particles.acceleration(index).linear * (self.velocity_lead() * self.setup.timestep)
+    }
+
+    const fn correction(&self) -> Correction {
+        let Setup { timestep, gravity, body, .. } = self.setup;
+        Correction { dt: timestep, lead: self.velocity_lead(), gravity, body }
     }
 
     fn ranges(&self) -> Vec<Range<usize>> {
         self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect()
     }
 
-    /// Moves all particles to the end of the time step and gives them the velocities that the contact laws see.
+    /// Moves all particles to the end of the time step and gives them the velocities that the contact laws see. Completes the time
+    /// step before, if that is late.
     pub(super) fn advance(&mut self) {
         let started = Instant::now();
-        let (dt, lead) = (self.setup.timestep, self.velocity_lead());
+        let (late, correction) = (self.particles.take_late().is_some(), &self.correction());
         let ranges = self.ranges();
         let mut notes = vec![MotionNote::default(); ranges.len()];
         let (domain, simd) = (border_rows(&self.setup.domain, self.setup.periodic), self.setup.simd);
-        let accelerations = &self.particles.accelerations;
-        let spheres = split_at_chunks(&mut self.particles.spheres, ranges.iter().cloned());
-        let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
-        let work = self.neighborhood.chunks.iter().zip(spheres).zip(velocities).zip(&mut notes).collect();
+        let MotionLists { spheres, velocities, accelerations, loads } = self.particles.kept_lists();
+        let loads = &*loads;
+        let spheres = split_at_chunks(spheres, ranges.iter().cloned());
+        let velocities = split_at_chunks(velocities, ranges.iter().cloned());
+        let accelerations = split_at_chunks(accelerations, ranges.iter().cloned());
+        let chunks = self.neighborhood.chunks.iter();
+        let work = chunks.zip(spheres).zip(velocities).zip(accelerations).zip(&mut notes).collect();
         let changes = self.sleep_changes;
-        self.threads.for_each(work, |(((chunk, spheres), velocities), note)| {
+        self.threads.for_each(work, |((((chunk, spheres), velocities), accelerations), note)| {
             if chunk.is_still(changes) {
                 return;
             }
-            let accelerations = &accelerations[chunk.range.clone()];
-            *note = at_level(simd, Advance { spheres, velocities, accelerations, dt, lead, domain: &domain });
+            let (loads, domain) = (&loads[chunk.range.clone()], &domain);
+            *note = if late {
+                at_level(simd, Advance::<true> { spheres, velocities, accelerations, loads, correction, domain })
+            } else {
+                at_level(simd, Advance::<false> { spheres, velocities, accelerations, loads, correction, domain })
+            };
         });
         let moved = notes.iter().map(|note| note.farthest_squared).fold(0.0, f64::max).sqrt();
         self.has_leavers = notes.iter().any(|note| note.leaves);
-        self.neighborhood.note_motion(moved, self.walls.speed_bound() * dt);
+        self.is_moderate = notes.iter().all(|note| note.is_moderate);
+        self.neighborhood.note_motion(moved, self.walls.speed_bound() * self.setup.timestep);
         self.watchdog.note_displacement(moved);
         self.phases.integration += started.elapsed();
     }
@@ -82,22 +99,21 @@ impl Simulation {
         self.compute_loads(0.0);
         self.momentum.regrouped = true;
         let (gravity, body) = (self.setup.gravity, self.setup.body);
-        for index in 0..self.particles.len() {
-            let load = self.particles.loads[index];
-            let (velocity, radius) = (&self.particles.velocities[index], self.particles.spheres[index].radius);
-            let old = self.particles.accelerations[index];
-            self.particles.accelerations[index] = acceleration(&load, velocity, radius, &old, &gravity, body);
+        let MotionLists { spheres, velocities, accelerations, loads } = self.particles.kept_lists();
+        for (index, held) in accelerations.iter_mut().enumerate() {
+            *held = acceleration(&loads[index], &velocities[index], spheres[index].radius, held, &gravity, body);
         }
     }
 
     /// Loads on all particles and parts; memories move by `timestep` [s].
     pub(super) fn compute_loads(&mut self, timestep: f64) {
         let started = Instant::now();
-        let terms = self.terms;
+        let (terms, looks) = (self.terms, self.may_be_late());
+        let MotionLists { spheres, velocities, accelerations, loads } = self.particles.kept_lists();
         let scene = ContactScene {
-            spheres: &self.particles.spheres,
-            velocities: &self.particles.velocities,
-            accelerations: &self.particles.accelerations,
+            spheres,
+            velocities,
+            accelerations,
             law: &self.law,
             only_material: self.neighborhood.only_material,
             images: &self.neighborhood.images,
@@ -110,9 +126,9 @@ impl Simulation {
         let (scene, walls, simd) = (&scene, &self.walls, self.setup.simd);
         let approached = self.neighborhood.approached_walls;
         let ranges: Vec<_> = self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect();
-        let loads = split_at_chunks(&mut self.particles.loads, ranges.into_iter());
+        let loads = split_at_chunks(loads, ranges.into_iter());
         let work: Vec<(&mut Chunk, &mut [Load])> = self.neighborhood.chunks.iter_mut().zip(loads).collect();
-        self.threads.for_each(work, |(chunk, loads)| {
+        self.threads.for_each(work, |(chunk, loads): (&mut Chunk, &mut [Load])| {
             chunk.tally = super::energy::Tally::default();
             chunk.rest.skipped = chunk.is_still(changes);
             if chunk.rest.skipped {
@@ -143,6 +159,7 @@ impl Simulation {
             if scene.sleeping {
                 chunk.note_rest(changes, scene.velocities, walls);
             }
+            chunk.is_moderate = looks && at_level(simd, ModerateLoads(loads));
         });
         self.sum_chunks(timestep);
         self.phases.contacts += started.elapsed();
@@ -152,6 +169,7 @@ impl Simulation {
     fn sum_chunks(&mut self, timestep: f64) {
         self.part_loads.fill(PartLoad::default());
         for chunk in &self.neighborhood.chunks {
+            self.is_moderate &= chunk.is_moderate;
             self.part_loads.iter_mut().zip(&chunk.part_loads).for_each(|(sum, load)| sum.add(load));
             self.booked.slip += chunk.tally.slip;
             self.booked.dashpot += chunk.tally.dashpot;
@@ -164,17 +182,36 @@ impl Simulation {
         self.booked.wall_work -= self.part_loads.iter().map(|load| load.power).sum::<f64>() * timestep;
     }
 
-    /// Turns loads into velocities at the end of the time step.
-    pub(super) fn correct(&mut self) {
+    /// Whether nothing within a time step needs full-step velocities: no account, no sleep, no path, no look at the energy.
+    fn may_be_late(&self) -> bool {
+        let setup = &self.setup;
+        let accounts = setup.energy || setup.momentum || setup.sleeping.is_some();
+        let paths = !self.tethers.is_empty() || self.neighborhood.chunks.iter().any(|chunk| chunk.has_prescribed);
+        !accounts && !paths && !self.looks_at_energy()
+    }
+
+    /// Turns loads into velocities at the end of the time step, or leaves that to the next one. What is not finite is to be seen now.
+    pub(super) fn complete(&mut self) {
+        if self.may_be_late() && self.is_moderate {
+            self.momentum.ghost_force = Vec3::zeros();
+            self.particles.put_off(self.correction());
+            return;
+        }
+        self.pull_tethers();
+        self.correct();
+        self.book_tethers();
+    }
+
+    fn correct(&mut self) {
         let started = Instant::now();
-        let (dt, lead) = (self.setup.timestep, self.velocity_lead());
-        let (gravity, body) = (self.setup.gravity, self.setup.body);
+        let correction = &self.correction();
         let ranges = self.ranges();
         let unbalanced = |chunk: &Chunk| StepNote { unbalanced: chunk.rest.unbalanced, ..StepNote::SKIPPED };
         let mut notes: Vec<StepNote> = self.neighborhood.chunks.iter().map(unbalanced).collect();
-        let (loads, spheres) = (&self.particles.loads, &self.particles.spheres);
-        let velocities = split_at_chunks(&mut self.particles.velocities, ranges.iter().cloned());
-        let accelerations = split_at_chunks(&mut self.particles.accelerations, ranges.iter().cloned());
+        let MotionLists { spheres, velocities, accelerations, loads } = self.particles.kept_lists();
+        let (spheres, loads) = (&*spheres, &*loads);
+        let velocities = split_at_chunks(velocities, ranges.iter().cloned());
+        let accelerations = split_at_chunks(accelerations, ranges.iter().cloned());
         let work = self.neighborhood.chunks.iter().zip(velocities).zip(accelerations).zip(&mut notes).collect();
         let (simd, sleep) = (self.setup.simd, self.setup.sleeping.as_ref());
         self.threads.for_each(work, |(((chunk, velocities), accelerations), note)| {
@@ -183,8 +220,7 @@ impl Simulation {
             }
             let (loads, spheres) = (&loads[chunk.range.clone()], &spheres[chunk.range.clone()]);
             let springs = &chunk.springs;
-            let work = Correct { velocities, accelerations, loads, spheres, springs, dt, lead, gravity, body, sleep };
-            *note = at_level(simd, work);
+            *note = at_level(simd, Correct { velocities, accelerations, loads, spheres, springs, correction, sleep });
         });
         if sleep.is_some() {
             self.note_sleepers(&notes);
@@ -228,5 +264,103 @@ impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
         let part_loads = &mut chunk.part_loads;
         WallKernel { scene, walls, first, loads, springs, part_loads, tally, approached }
             .add_loads::<L, FRICTION, ROLLING, ENERGY>(near_walls, wall_contacts, &mut chunk.scratch);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ghost::PrescribedMotion;
+    use super::super::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
+    use super::super::particles::Path;
+    use super::super::sleep::SleepSettings;
+    use super::*;
+    use crate::material::{Elasticity, Material, MaterialTable, PairContact, PairProperties};
+    use crate::math::Bounds;
+    use crate::math::lanes::SimdLevel;
+    use crate::particle::{Body, ParticleId, ParticleState};
+
+    fn setup() -> Setup {
+        let elasticity = Elasticity::Isotropic { youngs_modulus: 5e6, poissons_ratio: 0.3 };
+        let grain = Material { name: "grain".to_owned(), density: Some(2500.0), elasticity: Some(elasticity) };
+        let mut materials = MaterialTable::new(vec![grain]);
+        let contact = PairContact::Restitution { coefficient: 0.5 };
+        materials.set_pair(0, 0, PairProperties { contact, sliding_friction: 0.3, rolling_friction: 0.0 });
+        let law = LawSettings {
+            normal: NormalLaw::HertzMindlin,
+            tangential: TangentialLaw::Incremental,
+            tangential_damping: true,
+            attraction: false,
+            rolling: RollingLaw::None,
+            characteristic_velocity: 1.0,
+            compatibility: Compatibility::Tollgate,
+        };
+        Setup {
+            body: Body::Sphere,
+            gravity: Vec3::zeros(),
+            domain: Bounds { minimum: [-1.0; 3], maximum: [1.0; 3] },
+            periodic: [false; 3],
+            materials,
+            law,
+            classes: Vec::new(),
+            feeds: Vec::new(),
+            parts: Vec::new(),
+            seed: 1,
+            timestep: 1e-5,
+            skin: 1e-3,
+            overlap_limit: 0.3,
+            energy: false,
+            momentum: false,
+            sleeping: None,
+            threads: 1,
+            simd: SimdLevel::best(),
+        }
+    }
+
+    fn grain(serial: u64, x: f64) -> ParticleState {
+        let (position, still) = (Vec3::new(x, 0.0, 0.0), Vec3::zeros());
+        ParticleState {
+            id: ParticleId::new(9, serial),
+            material: 0,
+            radius: 1e-3,
+            density: 2500.0,
+            position,
+            velocity: still,
+            spin: still,
+        }
+    }
+
+    /// Whether the step is late that has just been done.
+    fn is_late(simulation: &mut Simulation) -> bool {
+        simulation.step().expect("nothing happens");
+        simulation.particles.clone().take_late().is_some()
+    }
+
+    #[test]
+    fn a_step_is_late_where_nobody_needs_it_and_else_completed() {
+        let mut plain = Simulation::new(setup());
+        plain.insert(&[grain(1, 0.0), grain(2, 0.1)]);
+        let late: Vec<u64> = (1..=257).filter(|_| is_late(&mut plain)).collect();
+        // the watchdog looks at the energy after step 256
+        assert_eq!(late, (1..=255).chain([257]).collect::<Vec<u64>>());
+        // who is put on a path, or inserted on one, needs all steps, until it is gone
+        plain.prescribe(&[ParticleId::new(9, 2)], Path::Constant);
+        assert!(!is_late(&mut plain));
+        plain.remove_particles(&[ParticleId::new(9, 2)], super::super::removal::RemovalCause::Asked);
+        assert!(is_late(&mut plain));
+        let ghost = grain(3, 0.2);
+        let (position, none) = (ghost.position, Vec3::zeros());
+        let motion =
+            PrescribedMotion { position, velocity: none, spin: none, acceleration: none, spin_acceleration: none };
+        plain.insert_prescribed(&[(ghost, Path::Recorded, motion)]);
+        assert!(!is_late(&mut plain));
+
+        let sleeping = Some(SleepSettings { speed: 1e-3, hold: 0.01, acceleration: 0.1 });
+        let accounts =
+            [Setup { energy: true, ..setup() }, Setup { momentum: true, ..setup() }, Setup { sleeping, ..setup() }];
+        for setup in accounts {
+            let mut simulation = Simulation::new(setup);
+            simulation.insert(&[grain(1, 0.0)]);
+            assert!(!is_late(&mut simulation));
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Tethers: free particles bound to a recorded path by a spring that stiffens with distance.
 
 use super::ghost::PrescribedMotion;
-use super::particles::Path;
+use super::particles::{Load, Path};
 use super::simulation::Simulation;
 use crate::math::Vec3;
 use crate::particle::ParticleId;
@@ -86,7 +86,7 @@ impl Simulation {
             self.prepare();
         }
         let found = self.indices_of(ids);
-        let is_recorded = |index: &usize| self.particles.velocities[*index].path == Path::Recorded;
+        let is_recorded = |index: &usize| self.particles.path(*index) == Path::Recorded;
         let indices: Vec<usize> = found.all().filter(is_recorded).collect();
         if indices.is_empty() {
             return;
@@ -94,15 +94,13 @@ impl Simulation {
         let marked = self.marks(indices.iter().copied());
         let springs = self.springs_of(&marked);
         for index in indices {
-            let (sphere, velocity) = (&self.particles.spheres[index], &mut self.particles.velocities[index]);
-            velocity.path = Path::Tethered;
-            let acceleration = self.particles.accelerations[index];
+            self.particles.velocities_mut()[index].path = Path::Tethered;
+            let ((velocity, acceleration), sphere) = (self.particles.motion(index), self.particles.spheres[index]);
             // The path's acceleration stands for the contacts that made it, those with other prescribed particles included.
             let mass = 1.0 / velocity.inverse_mass;
             let inertia = self.setup.body.inertia_factor() * mass * sphere.radius * sphere.radius;
-            self.particles.loads[index].force =
-                (acceleration.linear - self.setup.body.in_plane(&self.setup.gravity)) * mass;
-            self.particles.loads[index].torque = acceleration.angular * inertia;
+            let force = (acceleration.linear - self.setup.body.in_plane(&self.setup.gravity)) * mass;
+            self.particles.loads_mut()[index] = Load::new(force, acceleration.angular * inertia);
             let target = PrescribedMotion {
                 position: sphere.position(),
                 velocity: Vec3::from(velocity.linear),
@@ -119,12 +117,12 @@ impl Simulation {
     /// Cuts the tethers of particles: from now on they are ordinary free particles, where they are.
     pub fn untether(&mut self, ids: &[ParticleId]) {
         let found = self.indices_of(ids);
-        let is_tethered = |index: &usize| self.particles.velocities[*index].path == Path::Tethered;
+        let is_tethered = |index: &usize| self.particles.path(*index) == Path::Tethered;
         let indices: Vec<usize> = found.all().filter(is_tethered).collect();
         for index in indices {
             let id = self.particles.ids[index];
             self.tethers.retain(|tether| tether.id != id);
-            self.particles.velocities[index].path = Path::Free;
+            self.particles.velocities_mut()[index].path = Path::Free;
             self.update_acceleration(index);
         }
     }
@@ -143,11 +141,11 @@ impl Simulation {
             tether.target.move_on(dt);
             let position = self.particles.spheres[index].position();
             let excursion = position - self.nearest_image(&tether.target.position, &position);
-            let velocity = Vec3::from(self.particles.velocities[index].linear);
+            let velocity = Vec3::from(self.particles.velocity(index).linear);
             let acceleration = tether.law.acceleration(&excursion, &(velocity - tether.target.velocity));
             tether.force = body.in_plane(&acceleration) * self.particles.mass(index);
             tether.seen_velocity = velocity;
-            let load = &mut self.particles.loads[index];
+            let load = &mut self.particles.loads_mut()[index];
             tether.contact_force = load.force;
             load.force += tether.force;
             let number = tether.law.stiffness_number(&excursion, dt);
@@ -165,8 +163,8 @@ impl Simulation {
     pub(super) fn book_tethers(&mut self) {
         let dt = self.setup.timestep;
         for tether in &self.tethers {
-            self.particles.loads[tether.index].force = tether.contact_force;
-            let velocity = Vec3::from(self.particles.velocities[tether.index].linear);
+            self.particles.loads_mut()[tether.index].force = tether.contact_force;
+            let velocity = Vec3::from(self.particles.velocity(tether.index).linear);
             self.booked.tether_work += tether.force.dot(&velocity) * dt;
             if self.terms.energy {
                 // The correction of the dashpots took the tether for a contact.

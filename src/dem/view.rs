@@ -121,8 +121,8 @@ impl Simulation {
 
     fn view(&self, index: usize) -> ParticleView {
         let particles = &self.particles;
-        let (sphere, velocity) = (&particles.spheres[index], &particles.velocities[index]);
-        let (acceleration, load) = (&particles.accelerations[index], &particles.loads[index]);
+        let (sphere, load) = (&particles.spheres[index], &particles.loads()[index]);
+        let (velocity, acceleration) = particles.motion(index);
         ParticleView {
             id: particles.ids[index],
             radius: sphere.radius,

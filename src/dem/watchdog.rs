@@ -125,13 +125,18 @@ impl Simulation {
         if self.watchdog.displacement > DISPLACEMENT_LIMIT * smallest {
             return Err(self.stop_fast());
         }
-        if !self.steps.is_multiple_of(ENERGY_INTERVAL) {
+        if !self.looks_at_energy() {
             return Ok(());
         }
         let started = Instant::now();
         let verdict = self.watch_energy();
         self.phases.watchdog += started.elapsed();
         verdict
+    }
+
+    /// Whether the energy is looked at at the end of the present time step.
+    pub(super) const fn looks_at_energy(&self) -> bool {
+        self.steps.is_multiple_of(ENERGY_INTERVAL)
     }
 
     fn watch_energy(&mut self) -> Result<(), Stop> {
@@ -177,7 +182,7 @@ impl Simulation {
 
     fn stop_not_a_number(&self) -> Stop {
         let bad = (0..self.particles.len()).find(|&index| {
-            let (velocity, centre) = (&self.particles.velocities[index], &self.particles.spheres[index].centre);
+            let (velocity, centre) = (self.particles.velocity(index), &self.particles.spheres[index].centre);
             !velocity.linear.iter().chain(&velocity.angular).chain(centre).all(|x| x.is_finite())
         });
         let state = bad.map(|index| self.particles.state(index));
@@ -252,7 +257,7 @@ impl Simulation {
 
     fn fastest_particle(&self) -> Option<usize> {
         let speed = |index: &usize| {
-            let velocity = self.particles.velocities[*index].linear;
+            let velocity = self.particles.velocity(*index).linear;
             velocity.iter().map(|x| x * x).sum::<f64>()
         };
         (0..self.particles.len()).max_by(|a, b| speed(a).total_cmp(&speed(b)))

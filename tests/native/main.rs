@@ -11,6 +11,7 @@ mod domain;
 mod energy;
 mod hand_over;
 mod held_contacts;
+mod late;
 mod lists;
 mod prescribed;
 mod simd;
