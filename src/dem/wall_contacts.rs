@@ -283,9 +283,15 @@ impl WallKernel<'_> {
 /// Adds the lanes of columns to sums, lane by lane in their order.
 #[inline(always)]
 fn add_lanes<L: Lanes>(sums: &mut [f64; 7], columns: [L; 7]) {
-    let lists = columns.map(L::to_array);
+    // Loops rather than `map`, here as wherever lanes are handled: one that is not inlined is not compiled for the level.
+    let mut lists = [[0.0; MOST_LANES]; 7];
+    for (list, column) in lists.iter_mut().zip(columns) {
+        column.write_to(list);
+    }
     for lane in 0..L::COUNT {
-        sums.iter_mut().zip(&lists).for_each(|(sum, list)| *sum += list[lane]);
+        for (sum, list) in sums.iter_mut().zip(&lists) {
+            *sum += list[lane];
+        }
     }
 }
 

@@ -127,10 +127,13 @@ pub fn closest_in_lanes<L: Lanes>(
     rows.iter_mut().zip(index).for_each(|(row, &index)| *row = 3 * index);
     let (first, rows) = (triangles.as_ptr().cast::<[f64; 4]>(), &rows[..L::COUNT]);
     // SAFETY: a triangle is twelve numbers one after the other, three rows of four; there are as many as just looked at.
-    let [[ax, ay, az, bx], [by, bz, cx, cy], [cz, nx, ny, nz]] =
-        unsafe { [0, 1, 2].map(|row| L::gather_four(first.add(row), rows)) };
+    let ([ax, ay, az, bx], [by, bz, cx, cy], [cz, nx, ny, nz]) = unsafe {
+        (L::gather_four(first, rows), L::gather_four(first.add(1), rows), L::gather_four(first.add(2), rows))
+    };
     let normal = LaneVector::new(nx, ny, nz);
-    let [a, b, c] = [(ax, ay, az), (bx, by, bz), (cx, cy, cz)].map(|(x, y, z)| LaneVector::new(x, y, z) - *point);
+    let a = LaneVector::new(ax, ay, az) - *point;
+    let b = LaneVector::new(bx, by, bz) - *point;
+    let c = LaneVector::new(cx, cy, cz) - *point;
     let (zero, sound) = (L::zero(), normal.norm_squared().exceeds(L::zero()));
     let height = normal.dot(&a);
     let mut nearest = normal * height;

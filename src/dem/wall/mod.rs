@@ -156,7 +156,8 @@ impl Walls {
         normal: &LaneVector<L>,
     ) -> LaneVector<L> {
         let twist = &self.walls[usize::from(part)].twist;
-        let [velocity, spin, belt] = [twist.velocity, twist.spin, twist.belt].map(LaneVector::everywhere);
+        let (velocity, spin) = (LaneVector::everywhere(twist.velocity), LaneVector::everywhere(twist.spin));
+        let belt = LaneVector::everywhere(twist.belt);
         velocity + spin.cross(point) + belt.plus(normal, -belt.dot(normal))
     }
 
