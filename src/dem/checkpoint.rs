@@ -14,7 +14,7 @@ use super::presence::PresenceRecord;
 use super::removal::Removal;
 use super::simulation::{Setup, Simulation};
 use super::tether::{Tether, TetherLaw};
-use super::wall_contacts::WallContact;
+use super::wall_list::WallContact;
 use super::watchdog::EnergyWatch;
 use crate::math::Vec3;
 use crate::particle::ParticleId;
@@ -199,7 +199,7 @@ impl Simulation {
         let motions = || (0..p.len()).map(|index| p.motion(index));
         let pair = |[a, b]: [&Vec3; 2]| [a.x, a.y, a.z, b.x, b.y, b.z];
         let neighborhood = &self.neighborhood;
-        let walls = || neighborhood.chunks.iter().flat_map(|chunk| &chunk.wall_contacts);
+        let walls: Vec<WallContact> = neighborhood.chunks.iter().flat_map(|chunk| chunk.walls.contacts()).collect();
         let lists = neighborhood.chunks.iter().flat_map(|chunk| [&chunk.own, &chunk.cross]);
         let pairs = lists.flat_map(|list| (0..list.len()).filter_map(|entry| list.memory.get(entry)));
         let velocity = |v: &Velocity| {
@@ -214,10 +214,13 @@ impl Simulation {
             neighborhood.outer_reference.iter().flatten().copied().collect(),
             neighborhood.inner_reference.iter().flatten().copied().collect(),
             pairs.flat_map(memory_row).collect(),
-            walls().flat_map(|c| c.normal.iter().copied().chain(memory_row(c.memory)).collect::<Vec<_>>()).collect(),
+            walls
+                .iter()
+                .flat_map(|c| c.normal.iter().copied().chain(memory_row(c.memory)).collect::<Vec<_>>())
+                .collect(),
             self.tethers.iter().flat_map(tether_row).collect(),
         ];
-        let keys = walls().flat_map(|c| [u64::from(c.particle), u64::from(c.part), u64::from(c.element)]);
+        let keys = walls.iter().flat_map(|c| [u64::from(c.particle), u64::from(c.part), u64::from(c.element)]);
         let integers: [Vec<u64>; 5] = [
             p.ids.iter().map(|id| id.0).collect(),
             p.laws_velocities().iter().map(|v| u64::from(v.material)).collect(),
@@ -376,7 +379,7 @@ impl Simulation {
             |name: &String| self.setup.parts.iter().position(|part| part.name == *name).map(|index| index as u16);
         let parts: Vec<Option<u16>> = progress.part_names.iter().map(same_name).collect();
         let walls = record.wall_contacts(count, &parts)?;
-        self.give_wall_contacts(walls);
+        self.give_wall_contacts(&walls);
         Ok(())
     }
 }

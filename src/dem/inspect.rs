@@ -5,7 +5,8 @@ use super::meeting::ContactScene;
 use super::particles::{Path, Velocity};
 use super::seen::{SeenContact, look, overlap_ratio};
 use super::simulation::Simulation;
-use super::wall_contacts::{WallContact, look_at_walls};
+use super::wall_contacts::look_at_walls;
+use super::wall_list::WallList;
 use crate::math::Vec3;
 use crate::particle::{ParticleId, ParticleState};
 
@@ -151,7 +152,7 @@ impl Simulation {
                     }
                 }
             }
-            self.for_each_wall_contact(&scene, chunk.range.clone(), &chunk.wall_contacts, &mut visit);
+            self.for_each_wall_contact(&scene, chunk.range.clone(), &chunk.walls, &mut visit);
         }
     }
 
@@ -159,13 +160,11 @@ impl Simulation {
         &self,
         scene: &ContactScene,
         indices: impl Iterator<Item = usize>,
-        held: &[WallContact],
+        held: &WallList,
         visit: &mut impl FnMut(usize, Partner, Vec3, &SeenContact),
     ) {
         for index in indices.filter(|&index| !scene.velocities[index].path.is_prescribed()) {
-            let from = held.partition_point(|contact| (contact.particle as usize) < index);
-            let to = held.partition_point(|contact| contact.particle as usize <= index);
-            look_at_walls(scene, &self.walls, index, &held[from..to], |point, seen| {
+            look_at_walls(scene, &self.walls, index, held, |point, seen| {
                 visit(index, Partner::Part { part: point.part, element: point.element }, point.point, seen);
             });
         }
@@ -232,7 +231,7 @@ impl Simulation {
                     survey.add(overlap_ratio(&scene, owner as usize, candidate));
                 }
             }
-            for (index, near) in chunk.near_walls.rows() {
+            for (index, near) in chunk.walls.rows() {
                 if !scene.velocities[index].path.is_prescribed() {
                     let sphere = &scene.spheres[index];
                     self.walls.contacts(near, &sphere.position(), sphere.radius, &mut points);

@@ -36,4 +36,6 @@ pub mod timescale;
 pub mod view;
 pub mod wall;
 pub mod wall_contacts;
+pub mod wall_list;
+mod wall_search;
 pub mod watchdog;

@@ -8,8 +8,10 @@ use super::neighbor::{cells::CellLevels, chunks::chunk_ranges};
 use super::particles::{Particles, Sphere, Velocity, asleep, largest_displacement, only_material};
 use super::simulation::Simulation;
 use super::sleep::ChunkRest;
-use super::wall::Candidate;
-use super::wall_contacts::{PartLoad, Scratch, WallCandidates, WallContact};
+use super::wall::Walls;
+use super::wall_contacts::PartLoad;
+use super::wall_list::{NearParts, WallContact, WallList};
+use super::wall_search::Scratch;
 use crate::math::{Bounds, Vec3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -28,12 +30,10 @@ pub struct Chunk {
     pub cross: InnerList,
     /// Whether some of its particles may be prescribed.
     pub has_prescribed: bool,
-    /// Elements of parts near its particles.
-    pub near_walls: WallCandidates,
-    /// Contacts with parts.
-    pub wall_contacts: Vec<WallContact>,
+    /// Elements of parts near its particles, and contacts with them.
+    pub walls: WallList,
     /// Scratch lists.
-    pub scratch: Scratch,
+    pub(super) scratch: Scratch,
     /// Storage of an inner list that is not used any more.
     worn: InnerList,
     /// What its contacts took in this time step.
@@ -255,7 +255,7 @@ impl Neighborhood {
     /// Drops the contacts with parts that `gone` picks, with their memory.
     pub(super) fn forget_wall_contacts(&mut self, gone: impl Fn(&WallContact) -> bool) {
         for chunk in &mut self.chunks {
-            chunk.wall_contacts.retain(|contact| !gone(contact));
+            chunk.walls.forget(&gone);
         }
     }
 
@@ -283,11 +283,9 @@ impl Neighborhood {
     }
 
     /// Adds a contact with a part.
-    pub(super) fn remember_part(&mut self, contact: WallContact) {
+    pub(super) fn remember_part(&mut self, walls: &Walls, contact: &WallContact) {
         let number = self.chunk_of(contact.particle as usize);
-        let contacts = &mut self.chunks[number].wall_contacts;
-        let place = contacts.partition_point(|held| held.particle <= contact.particle);
-        contacts.insert(place, contact);
+        self.chunks[number].walls.hold(walls, contact);
     }
 
     /// What the lists are made with.
@@ -399,8 +397,8 @@ impl Simulation {
         let near = self.take_wall_candidates();
         let (spheres, velocities) = (&self.particles.spheres, self.particles.laws_velocities());
         self.neighborhood.make_lists(spheres, velocities, &order, &held, &self.threads);
-        self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &order);
+        self.give_wall_contacts(&walls);
     }
 
     /// Drops the particles that `keep` refuses, and makes every list anew.
@@ -417,76 +415,75 @@ impl Simulation {
         let near = self.take_wall_candidates();
         let (spheres, velocities) = (&self.particles.spheres, self.particles.laws_velocities());
         self.neighborhood.make_lists(spheres, velocities, &from_old, &held, &self.threads);
-        self.give_wall_contacts(walls);
         self.give_wall_candidates(&near, &from_old);
+        self.give_wall_contacts(&walls);
     }
 
     /// All contacts with parts, renumbered: `old_index[new] = old`. Sorted by the new numbers.
     fn take_wall_contacts(&mut self, old_index: &[u32]) -> Vec<WallContact> {
         let mut new_index = vec![u32::MAX; old_index.iter().map(|&old| old as usize + 1).max().unwrap_or(0)];
         old_index.iter().enumerate().for_each(|(new, &old)| new_index[old as usize] = new as u32);
-        let mut contacts: Vec<WallContact> = Vec::new();
-        for chunk in &mut self.neighborhood.chunks {
-            for mut contact in chunk.wall_contacts.drain(..) {
-                if let Some(&new) = new_index.get(contact.particle as usize).filter(|&&new| new != u32::MAX) {
-                    contact.particle = new;
-                    contacts.push(contact);
-                }
-            }
-        }
+        let renumbered = |contact: WallContact| {
+            let new = new_index.get(contact.particle as usize).filter(|&&new| new != u32::MAX);
+            new.map(|&particle| WallContact { particle, ..contact })
+        };
+        let held = self.neighborhood.chunks.iter().flat_map(|chunk| chunk.walls.contacts());
+        let mut contacts: Vec<WallContact> = held.filter_map(renumbered).collect();
         contacts.sort_by_key(|contact| contact.particle);
         contacts
     }
 
-    pub(super) fn give_wall_contacts(&mut self, contacts: Vec<WallContact>) {
+    /// Hands contacts with parts, sorted by particle, to the chunks.
+    pub(super) fn give_wall_contacts(&mut self, contacts: &[WallContact]) {
         let parts = self.setup.parts.len();
-        let mut contacts = contacts.into_iter().peekable();
+        let mut contacts = contacts.iter().peekable();
         for chunk in &mut self.neighborhood.chunks {
             let end = chunk.range.end as u32;
             while let Some(contact) = contacts.next_if(|contact| contact.particle < end) {
-                chunk.wall_contacts.push(contact);
+                chunk.walls.hold(&self.walls, contact);
             }
             chunk.part_loads = vec![PartLoad::default(); parts];
         }
     }
 
     /// The elements of parts near each particle, and how many particles there were when the lists were made.
-    fn take_wall_candidates(&mut self) -> (Vec<WallCandidates>, usize) {
+    fn take_wall_candidates(&mut self) -> (Vec<WallList>, usize) {
         let count = self.neighborhood.chunks.last().map_or(0, |chunk| chunk.range.end);
-        (self.neighborhood.chunks.iter_mut().map(|chunk| std::mem::take(&mut chunk.near_walls)).collect(), count)
+        (self.neighborhood.chunks.iter_mut().map(|chunk| std::mem::take(&mut chunk.walls)).collect(), count)
     }
 
     /// Goes on with the elements near each particle, renumbered: `old_index[new] = old`. Those of newcomers, and all where much
     /// of the skin is used up or a particle may have gone round a periodic border, are collected.
-    fn give_wall_candidates(&mut self, (held, count): &(Vec<WallCandidates>, usize), old_index: &[u32]) {
+    fn give_wall_candidates(&mut self, (held, count): &(Vec<WallList>, usize), old_index: &[u32]) {
         let ListSettings { skin, periodic, .. } = self.neighborhood.settings;
         if periodic != [false; 3] || self.neighborhood.approached_walls > RENEW_SHARE * skin {
             self.collect_wall_candidates();
             return;
         }
-        let mut rows: Vec<&[Candidate]> = vec![&[]; *count];
-        held.iter().flat_map(WallCandidates::rows).for_each(|(index, found)| rows[index] = found);
+        let near = NearParts::new(held, *count);
         let (spheres, walls) = (&self.particles.spheres, &self.walls);
         self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let mut found = Vec::new();
             for index in chunk.range.clone() {
-                let Some(row) = rows.get(old_index[index] as usize) else {
+                if let Some(known) = near.of(old_index[index] as usize) {
+                    chunk.walls.push(walls, index, known);
+                } else {
                     let sphere = &spheres[index];
                     walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
-                    chunk.near_walls.push(index, &found);
-                    continue;
-                };
-                chunk.near_walls.push(index, row);
+                    chunk.walls.push(walls, index, &found);
+                }
             }
         });
     }
 
-    /// Collects the elements of parts near each particle.
+    /// Collects the elements of parts near each particle; contacts are kept.
     pub(super) fn collect_wall_candidates(&mut self) {
         let skin = self.neighborhood.settings.skin;
         let (spheres, walls) = (&self.particles.spheres, &self.walls);
         self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
-            chunk.near_walls = WallCandidates::collect(spheres, walls, chunk.range.clone(), skin);
+            let held = chunk.walls.contacts();
+            chunk.walls = WallList::collect(spheres, walls, chunk.range.clone(), skin);
+            held.iter().for_each(|contact| chunk.walls.hold(walls, contact));
         });
         self.neighborhood.approached_walls = 0.0;
     }

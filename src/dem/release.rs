@@ -7,7 +7,7 @@ use super::neighbor::list::Memory;
 use super::particles::{Load, Path};
 use super::simulation::Simulation;
 use super::wall::WallPoint;
-use super::wall_contacts::WallContact;
+use super::wall_list::WallContact;
 use crate::math::Vec3;
 use crate::particle::{ParticleId, ParticleState};
 
@@ -151,13 +151,14 @@ impl Simulation {
                     |point: &WallPoint| point.part == *part && (!same_triangle || point.element == *element);
                 let Some(found) = points.iter().position(continues) else { return true };
                 let point = points.remove(found);
-                self.neighborhood.remember_part(WallContact {
+                let contact = WallContact {
                     particle: index as u32,
                     part: *part,
                     element: point.element,
                     normal: point.normal,
                     memory: *memory,
-                });
+                };
+                self.neighborhood.remember_part(&self.walls, &contact);
                 count.with_parts += 1;
                 false
             });

@@ -81,18 +81,17 @@ impl Chunk {
         self.rest.still_at == Some(changes)
             && self.own.resting.is_complete()
             && self.cross.resting.is_complete()
-            && self.near_walls.were_seen
+            && self.walls.were_seen
     }
 
     /// Notes, loads computed, whether they can change.
     pub(super) fn note_rest(&mut self, changes: SleepChanges, velocities: &[Velocity], walls: &Walls) {
-        self.near_walls.were_seen = true;
+        self.walls.were_seen = true;
         let asleep = |velocity: &Velocity| velocity.path == Path::Asleep;
-        let stands = |(_, near): (usize, &[super::wall::Candidate])| near.iter().all(|at| walls.stands(at.part));
         let still = self.own.resting.is_complete()
             && self.cross.resting.is_complete()
             && velocities[self.range.clone()].iter().all(asleep)
-            && self.near_walls.rows().all(stands);
+            && self.walls.parts().all(|part| walls.stands(part));
         self.rest.still_at = still.then_some(changes);
     }
 }

@@ -16,6 +16,7 @@ use super::pair_contacts::PairKernel;
 use super::particles::{Load, MotionLists};
 use super::simulation::{Setup, Simulation};
 use super::wall_contacts::{PartLoad, WallKernel};
+use super::wall_search::WallSearch;
 use crate::math::Vec3;
 use crate::math::lanes::{LaneWork, Lanes, at_level};
 use std::ops::Range;
@@ -136,25 +137,17 @@ impl Simulation {
             }
             loads.fill(Load::ZERO);
             chunk.part_loads.fill(PartLoad::default());
+            let (energy, has_prescribed) = (terms.energy, chunk.has_prescribed);
+            let Chunk { walls: list, scratch, .. } = &mut *chunk;
+            let search = WallSearch { scene, walls, approached, list, scratch, has_prescribed, energy };
+            chunk.tally.slip += at_level(simd, search);
             match (terms.friction, terms.rolling, terms.energy) {
-                (false, _, false) => {
-                    at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads, approached })
-                }
-                (false, _, true) => {
-                    at_level(simd, ChunkLoads::<false, false, true> { scene, walls, chunk, loads, approached })
-                }
-                (true, false, false) => {
-                    at_level(simd, ChunkLoads::<true, false, false> { scene, walls, chunk, loads, approached })
-                }
-                (true, false, true) => {
-                    at_level(simd, ChunkLoads::<true, false, true> { scene, walls, chunk, loads, approached })
-                }
-                (true, true, false) => {
-                    at_level(simd, ChunkLoads::<true, true, false> { scene, walls, chunk, loads, approached })
-                }
-                (true, true, true) => {
-                    at_level(simd, ChunkLoads::<true, true, true> { scene, walls, chunk, loads, approached })
-                }
+                (false, _, false) => at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads }),
+                (false, _, true) => at_level(simd, ChunkLoads::<false, false, true> { scene, walls, chunk, loads }),
+                (true, false, false) => at_level(simd, ChunkLoads::<true, false, false> { scene, walls, chunk, loads }),
+                (true, false, true) => at_level(simd, ChunkLoads::<true, false, true> { scene, walls, chunk, loads }),
+                (true, true, false) => at_level(simd, ChunkLoads::<true, true, false> { scene, walls, chunk, loads }),
+                (true, true, true) => at_level(simd, ChunkLoads::<true, true, true> { scene, walls, chunk, loads }),
             }
             if scene.sleeping {
                 chunk.note_rest(changes, scene.velocities, walls);
@@ -239,8 +232,6 @@ struct ChunkLoads<'a, const FRICTION: bool, const ROLLING: bool, const ENERGY: b
     walls: &'a super::wall::Walls,
     chunk: &'a mut Chunk,
     loads: &'a mut [Load],
-    /// Of particles and parts since the candidates of parts were collected [m].
-    approached: f64,
 }
 
 impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
@@ -250,20 +241,20 @@ impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Self { scene, walls, chunk, loads, approached } = self;
-        let Chunk { range, own, cross, has_prescribed, near_walls, wall_contacts, springs, .. } = chunk;
-        let (first, prescribed, tally) = (range.start, *has_prescribed, &mut chunk.tally);
+        let Self { scene, walls, chunk, loads } = self;
+        let Chunk { range, own, cross, has_prescribed, walls: near, springs, .. } = chunk;
+        let (first, has_prescribed, tally) = (range.start, *has_prescribed, &mut chunk.tally);
         if ENERGY {
             springs.clear();
             springs.resize(loads.len(), Vec3::zeros());
         }
-        PairKernel::<L, true, FRICTION, ROLLING, ENERGY>::new(scene, first, prescribed)
+        PairKernel::<L, true, FRICTION, ROLLING, ENERGY>::new(scene, first, has_prescribed)
             .add_loads(own, loads, springs, tally);
-        PairKernel::<L, false, FRICTION, ROLLING, ENERGY>::new(scene, first, prescribed)
+        PairKernel::<L, false, FRICTION, ROLLING, ENERGY>::new(scene, first, has_prescribed)
             .add_loads(cross, loads, springs, tally);
         let part_loads = &mut chunk.part_loads;
-        WallKernel { scene, walls, first, loads, springs, part_loads, tally, approached }
-            .add_loads::<L, FRICTION, ROLLING, ENERGY>(near_walls, wall_contacts, &mut chunk.scratch);
+        WallKernel { scene, walls, first, has_prescribed, loads, springs, part_loads, tally }
+            .add_loads::<L, FRICTION, ROLLING, ENERGY>(near);
     }
 }
 

@@ -1,5 +1,6 @@
 //! One triangle and the point of it that is closest to a given point.
 
+use crate::math::lanes::{LaneVector, Lanes, MOST_LANES};
 use crate::math::{Bounds, Vec3};
 
 /// Height of a triangle over its longest edge below which it has no usable normal and counts as its three edges.
@@ -8,8 +9,9 @@ use crate::math::{Bounds, Vec3};
 /// vertices' own coordinates within a factor of a few thousand.
 const DEGENERATE_HEIGHT: f64 = 1e-12;
 
-/// A triangle prepared for distance queries.
+/// A triangle prepared for distance queries: three rows of four numbers, as lanes gather them.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
 pub struct Triangle {
     corners: [Vec3; 3],
     /// Zero for a degenerate triangle.
@@ -106,6 +108,54 @@ impl Triangle {
     }
 }
 
+/// [`Triangle::closest`] of a triangle and a point in each lane, bit for bit: the offset, its square, and where it is on the face.
+///
+/// All three edges are looked at in every lane: most lanes need one of them or none, but which ones cannot be foretold, and a wrong
+/// guess costs a single triangle more than this does.
+///
+/// # Panics
+/// Where there is no such triangle.
+#[inline(always)]
+#[must_use]
+pub fn closest_in_lanes<L: Lanes>(
+    triangles: &[Triangle],
+    index: &[u32],
+    point: &LaneVector<L>,
+) -> (LaneVector<L>, L, L::Mask) {
+    assert!(index.iter().all(|&index| (index as usize) < triangles.len()), "triangles that there are");
+    let mut rows = [0; MOST_LANES];
+    rows.iter_mut().zip(index).for_each(|(row, &index)| *row = 3 * index);
+    let (first, rows) = (triangles.as_ptr().cast::<[f64; 4]>(), &rows[..L::COUNT]);
+    // SAFETY: a triangle is twelve numbers one after the other, three rows of four; there are as many as just looked at.
+    let ([ax, ay, az, bx], [by, bz, cx, cy], [cz, nx, ny, nz]) = unsafe {
+        (L::gather_four(first, rows), L::gather_four(first.add(1), rows), L::gather_four(first.add(2), rows))
+    };
+    let normal = LaneVector::new(nx, ny, nz);
+    let a = LaneVector::new(ax, ay, az) - *point;
+    let b = LaneVector::new(bx, by, bz) - *point;
+    let c = LaneVector::new(cx, cy, cz) - *point;
+    let (zero, sound) = (L::zero(), normal.norm_squared().exceeds(L::zero()));
+    let height = normal.dot(&a);
+    let mut nearest = normal * height;
+    let mut best = L::splat(f64::INFINITY);
+    let mut beyond_some = !sound;
+    for (from, to) in [(a, b), (b, c), (c, a)] {
+        let beyond = !sound | normal.dot(&from.cross(&to)).below(zero);
+        let edge = to - from;
+        let squared_length = edge.norm_squared();
+        let along = -from.dot(&edge);
+        let inside = from.plus(&edge, along / squared_length);
+        let before_end = LaneVector::select(along.below(squared_length), &inside, &to);
+        let foot = LaneVector::select(along.exceeds(zero), &before_end, &from);
+        let square = foot.norm_squared();
+        let nearer = beyond & square.below(best);
+        nearest = LaneVector::select(nearer, &foot, &nearest);
+        best = L::select(nearer, square, best);
+        beyond_some = beyond_some | beyond;
+    }
+    (nearest, L::select(beyond_some, best, height * height), !beyond_some)
+}
+
 /// Twice the area times the normal, (b - a) x (c - a) [m^2], with the pair of shortest edges, which loses least to
 /// round-off in thin triangles.
 #[must_use]
@@ -140,8 +190,37 @@ fn closest_on_segment(from: &Vec3, to: &Vec3) -> Foot {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::lanes::{LaneWork, Mask as _, SimdLevel, at_level};
     use crate::math::vec3;
     use proptest::prelude::*;
+
+    struct AllLanes<'a> {
+        triangles: &'a [Triangle],
+        index: &'a [u32],
+        points: &'a [Vec3],
+    }
+
+    impl LaneWork for AllLanes<'_> {
+        type Output = Vec<Foot>;
+
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> Vec<Foot> {
+            let mut feet = Vec::new();
+            for from in (0..self.points.len()).step_by(L::COUNT) {
+                let component = |axis: usize| -> Vec<f64> { self.points.iter().map(|point| point[axis]).collect() };
+                let point = LaneVector::read_from(&[component(0), component(1), component(2)], from);
+                let index = &self.index[from..from + L::COUNT];
+                let (offset, square, on_face) = closest_in_lanes::<L>(self.triangles, index, &point);
+                let ([x, y, z], square) = (offset.to_arrays(), square.to_array());
+                feet.extend((0..L::COUNT).map(|lane| Foot {
+                    offset: vec3(x[lane], y[lane], z[lane]),
+                    squared_distance: square[lane],
+                    on_face: on_face.bits() >> lane & 1 == 1,
+                }));
+            }
+            feet
+        }
+    }
 
     fn coordinates() -> impl Strategy<Value = Vec3> {
         (-1.0..1.0, -1.0..1.0, -1.0..1.0).prop_map(|(x, y, z)| vec3(x, y, z))
@@ -167,6 +246,30 @@ mod tests {
                 prop_assert!(triangle.normal().dot(&(to - from).cross(&(q - from))) >= -1e-12);
             }
             prop_assert!((foot.offset.norm_squared() - foot.squared_distance).abs() <= 1e-15);
+        }
+
+        /// Lanes give the same bits, at every level; degenerate triangles and points above faces, edges and corners among them.
+        #[test]
+        fn lanes_change_no_bit(
+            corners in prop::collection::vec([coordinates(), coordinates(), coordinates()], 1..5),
+            points in prop::collection::vec((coordinates(), 0..4_usize, 0.0..1.0), MOST_LANES),
+        ) {
+            let mut triangles: Vec<Triangle> = corners.iter().copied().map(Triangle::new).collect();
+            let [a, b, _] = corners[0];
+            triangles.push(Triangle::new([a, b, a + (b - a) * 0.5]));
+            triangles.push(Triangle::new([a, a, a]));
+            let index: Vec<u32> = (0..MOST_LANES).map(|lane| (lane % triangles.len()) as u32).collect();
+            let point = |lane: usize| {
+                let ((point, kind, share), [a, b, c]) = (points[lane], *triangles[index[lane] as usize].corners());
+                [point, a, a + (b - a) * share, (a + b + c) / 3.0][kind]
+            };
+            let points: Vec<Vec3> = (0..MOST_LANES).map(point).collect();
+            let expected: Vec<Foot> =
+                points.iter().zip(&index).map(|(point, &index)| triangles[index as usize].closest(point)).collect();
+            for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
+                let work = AllLanes { triangles: &triangles, index: &index, points: &points };
+                prop_assert_eq!(&at_level(level, work), &expected, "{}", level.name());
+            }
         }
 
         /// A degenerate triangle is the segment it covers, and nothing is NaN.

@@ -4,12 +4,16 @@
 //! triangles; a sphere's centre is carried there by the part's pose, and the points found are carried back.
 
 mod footprint;
+mod near;
+
+pub use near::{Due, NearElements};
 
 use crate::geometry::frustum::{Frustum, Side};
 use crate::geometry::motion::{Motion, Pose, Twist};
 use crate::geometry::part::{Part, Surface};
 use crate::geometry::tree::TriangleTree;
-use crate::geometry::triangle::Triangle;
+use crate::geometry::triangle::Foot;
+use crate::math::lanes::{LaneVector, Lanes};
 use crate::math::{Bounds, Vec3};
 
 /// Share of the radius by which a gap between sphere and element is taken to be smaller than it is: round-off of places is far less.
@@ -51,11 +55,13 @@ pub struct WallPoint {
     pub on_face: bool,
 }
 
-/// How a sphere and an element are to each other.
-enum Meeting {
-    Touch(WallPoint),
-    /// A lower bound of the gap between them [m]; 0 where none is known.
-    Apart(f64),
+/// A plane where it is now: a half space, of which the normal points out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// A point of it [m], plant coordinates.
+    pub point: Vec3,
+    /// Unit normal, to the side of the particles [-].
+    pub normal: Vec3,
 }
 
 #[derive(Debug, Clone)]
@@ -126,11 +132,10 @@ impl Walls {
         self.walls[usize::from(part)].material
     }
 
-    /// The material of the parts, where all have the same.
+    /// A part that is a plane, where it is now.
     #[must_use]
-    pub fn only_material(&self) -> Option<u16> {
-        let first = self.walls.first()?.material;
-        self.walls.iter().all(|wall| wall.material == first).then_some(first)
+    pub fn plane(&self, part: u16) -> Option<Plane> {
+        self.walls[usize::from(part)].plane()
     }
 
     /// Angular velocity of a part [rad/s].
@@ -139,13 +144,21 @@ impl Walls {
         self.walls[usize::from(part)].twist.spin
     }
 
-    /// Velocity of the surface of a part at one of its points [m/s], with the unit normal of the surface there.
+    /// Velocity of the surface of a part at its points [m/s], with the unit normals of the surface there.
     ///
     /// v = V + W x x + (b - (b.n) n): the rigid motion at x plus the belt's velocity b along the surface.
+    #[inline(always)]
     #[must_use]
-    pub fn surface_velocity(&self, part: u16, point: &Vec3, normal: &Vec3) -> Vec3 {
+    pub fn surface_velocity<L: Lanes>(
+        &self,
+        part: u16,
+        point: &LaneVector<L>,
+        normal: &LaneVector<L>,
+    ) -> LaneVector<L> {
         let twist = &self.walls[usize::from(part)].twist;
-        twist.at(point) + (twist.belt - normal * twist.belt.dot(normal))
+        let (velocity, spin) = (LaneVector::everywhere(twist.velocity), LaneVector::everywhere(twist.spin));
+        let belt = LaneVector::everywhere(twist.belt);
+        velocity + spin.cross(point) + belt.plus(normal, -belt.dot(normal))
     }
 
     /// Upper bound over all time of the speed at which any present surface can approach a point [m/s].
@@ -202,37 +215,22 @@ impl Walls {
     /// Of each element the point closest to the centre counts; which of them are contacts of their own is decided by
     /// the rule of `footprint.rs`, within each part alone: two parts that meet are two bodies, each with its own material.
     pub fn contacts(&self, candidates: &[Candidate], centre: &Vec3, radius: f64, found: &mut Vec<WallPoint>) {
-        self.contacts_when_due(candidates, &mut vec![0.0; candidates.len()], 0.0, centre, radius, found);
-    }
-
-    /// As [`Walls::contacts`], where `approached` [m] bounds from above how far particles and parts have come closer to each other since
-    /// some time, and the sphere cannot touch a candidate before that has reached its number in `due` [m]; which is renewed.
-    pub fn contacts_when_due(
-        &self,
-        candidates: &[Candidate],
-        due: &mut [f64],
-        approached: f64,
-        centre: &Vec3,
-        radius: f64,
-        found: &mut Vec<WallPoint>,
-    ) {
         found.clear();
-        let mut due = due;
         for group in candidates.chunk_by(|a, b| a.part == b.part) {
-            let (here, rest) = due.split_at_mut(group.len());
-            due = rest;
             let wall = &self.walls[usize::from(group[0].part)];
-            if !wall.present || here.iter().all(|due| *due > approached) {
+            if !wall.present {
                 continue;
             }
-            let start = found.len();
-            let local = wall.to_body(centre);
-            for (candidate, due) in group.iter().zip(here).filter(|(_, due)| **due <= approached) {
-                match wall.shape.touch(candidate.element, &local, radius) {
-                    Meeting::Touch(point) => found.push(WallPoint { part: candidate.part, ..point }),
-                    Meeting::Apart(gap) => *due = approached + gap,
-                }
+            if let Some(plane) = wall.plane() {
+                found.extend(plane.touch(group[0], centre, radius));
+                continue;
             }
+            let (start, local) = (found.len(), wall.to_body(centre));
+            let touch = |candidate: &Candidate| {
+                let foot = wall.shape.closest(candidate.element, &local);
+                wall.shape.meet(*candidate, &foot, &local, radius)
+            };
+            found.extend(group.iter().filter_map(touch));
             footprint::keep_separate(found, start, radius);
             wall.to_plant(found, start..);
         }
@@ -264,6 +262,12 @@ impl Wall {
     /// True for a plane swinging about an axis across its normal: far out it sweeps past at any speed.
     fn is_always_candidate(&self) -> bool {
         matches!(self.shape, Shape::Plane { .. }) && self.speed_bound.is_infinite()
+    }
+
+    fn plane(&self) -> Option<Plane> {
+        let Shape::Plane { point, normal } = self.shape else { return None };
+        let moved = || Plane { point: self.pose.apply(&point), normal: self.pose.apply_direction(&normal) };
+        Some(if self.is_static { Plane { point, normal } } else { moved() })
     }
 
     fn bounds(&self) -> Bounds {
@@ -329,60 +333,67 @@ impl Shape {
         Motion { terms: terms.cloned().collect() }
     }
 
-    /// The point of one element closest to the centre of a sphere that overlaps it, all in body coordinates.
-    fn touch(&self, element: u32, centre: &Vec3, radius: f64) -> Meeting {
-        let (foot, fallback) = match self {
-            // Cheap to look at, and one that swings is not bound to any speed.
-            Self::Plane { point, normal } => {
-                return touch_plane(point, normal, centre, radius).map_or(Meeting::Apart(0.0), Meeting::Touch);
-            }
-            Self::Frustum(frustum) => {
-                let side = if element == 0 { Side::Near } else { Side::Far };
-                (frustum.closest(centre, side), Fallback::Frustum(frustum, side))
-            }
-            Self::Mesh(tree) => {
-                let triangle = &tree.triangles()[element as usize];
-                (triangle.closest(centre), Fallback::Triangle(triangle))
-            }
-        };
+    /// The point of one element closest to another, in body coordinates.
+    fn closest(&self, element: u32, point: &Vec3) -> Foot {
+        match self {
+            Self::Plane { .. } => unreachable!("a plane is looked at where it is now"),
+            Self::Frustum(frustum) => frustum.closest(point, Self::side(element)),
+            Self::Mesh(tree) => tree.triangles()[element as usize].closest(point),
+        }
+    }
+
+    const fn side(element: u32) -> Side {
+        if element == 0 { Side::Near } else { Side::Far }
+    }
+
+    /// The direction to an element for a centre that lies in it. Both sides are equally right; the surface's normal is taken to point
+    /// at the particle, as it does on the outside of a closed surface.
+    fn normal_at(&self, element: u32, centre: &Vec3) -> Vec3 {
+        match self {
+            Self::Plane { normal, .. } => -normal,
+            Self::Frustum(frustum) => -frustum.outward_normal(centre, Self::side(element)),
+            Self::Mesh(tree) => match &tree.triangles()[element as usize] {
+                // a degenerate triangle has no normal: any unit vector keeps the numbers finite
+                triangle if triangle.is_degenerate() => -Vec3::z(),
+                triangle => -triangle.normal(),
+            },
+        }
+    }
+
+    /// Where a sphere overlaps an element whose closest point to the centre is known, all in body coordinates.
+    fn meet(&self, candidate: Candidate, foot: &Foot, centre: &Vec3, radius: f64) -> Option<WallPoint> {
         let distance = foot.squared_distance.sqrt();
-        if foot.squared_distance >= radius * radius {
-            return Meeting::Apart((distance - radius - GAP_MARGIN * radius).max(0.0));
+        let (overlap, Candidate { part, element }) = (radius - distance, candidate);
+        if foot.squared_distance >= radius * radius || overlap <= 0.0 {
+            return None;
         }
-        let overlap = radius - distance;
-        let normal = if distance > IN_SURFACE * radius { foot.offset / distance } else { fallback.normal(centre) };
-        if overlap <= 0.0 {
-            return Meeting::Apart(0.0);
-        }
-        let point = centre + foot.offset;
-        Meeting::Touch(WallPoint { part: 0, element, point, normal, overlap, on_face: foot.on_face })
+        let known = distance > IN_SURFACE * radius;
+        let normal = if known { foot.offset / distance } else { self.normal_at(element, centre) };
+        Some(WallPoint { part, element, point: centre + foot.offset, normal, overlap, on_face: foot.on_face })
     }
 }
 
-/// A plane is a half space: the distance has a sign, and a centre that got behind it is still pushed out.
-fn touch_plane(point: &Vec3, normal: &Vec3, centre: &Vec3, radius: f64) -> Option<WallPoint> {
-    let height = normal.dot(&(centre - point));
-    let overlap = radius - height;
-    let touch =
-        || WallPoint { part: 0, element: 0, point: centre - normal * height, normal: -normal, overlap, on_face: true };
-    (overlap > 0.0).then(touch)
-}
+impl Plane {
+    /// Overlap of spheres with it [m], negative where they are apart: r - n.(x - p). The distance has a sign, and a centre that got
+    /// behind the plane is still pushed out.
+    #[inline(always)]
+    #[must_use]
+    pub fn overlap<L: Lanes>(&self, centre: &LaneVector<L>, radius: L) -> L {
+        radius - (*centre - LaneVector::everywhere(self.point)).dot(&LaneVector::everywhere(self.normal))
+    }
 
-/// The direction to the surface for a centre that lies in it. Both sides are equally right; the surface's normal is taken
-/// to point at the particle, as it does on the outside of a closed surface.
-enum Fallback<'a> {
-    Triangle(&'a Triangle),
-    Frustum(&'a Frustum, Side),
-}
-
-impl Fallback<'_> {
-    fn normal(&self, centre: &Vec3) -> Vec3 {
-        match self {
-            // a degenerate triangle has no normal: any unit vector keeps the numbers finite
-            Self::Triangle(triangle) if triangle.is_degenerate() => -Vec3::z(),
-            Self::Triangle(triangle) => -triangle.normal(),
-            Self::Frustum(frustum, side) => -frustum.outward_normal(centre, *side),
-        }
+    fn touch(&self, candidate: Candidate, centre: &Vec3, radius: f64) -> Option<WallPoint> {
+        let overlap = self.overlap::<f64>(&(*centre).into(), radius);
+        let Candidate { part, element } = candidate;
+        let point = || centre - self.normal * (radius - overlap);
+        (overlap > 0.0).then(|| WallPoint {
+            part,
+            element,
+            point: point(),
+            normal: -self.normal,
+            overlap,
+            on_face: true,
+        })
     }
 }
 

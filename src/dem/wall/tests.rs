@@ -4,8 +4,10 @@
 //! d = 0.1 m; so 1e-12 d = 1e-13 m leaves room for a hundred roundings.
 
 use super::*;
+use crate::dem::particles::Sphere;
 use crate::geometry::motion::{MotionKind, MotionTerm};
 use crate::geometry::part::{TriangleMesh, Trigger};
+use crate::geometry::triangle::Triangle;
 use crate::math::{Rotation, vec3};
 use proptest::prelude::*;
 use rand::SeedableRng as _;
@@ -33,6 +35,10 @@ fn touch(walls: &Walls, centre: &Vec3, radius: f64) -> Vec<WallPoint> {
     walls.candidates(centre, radius * 1.2, &mut candidates);
     walls.contacts(&candidates, centre, radius, &mut found);
     found
+}
+
+fn surface_velocity(walls: &Walls, point: &Vec3, normal: &Vec3) -> Vec3 {
+    walls.surface_velocity::<f64>(0, &(*point).into(), &(*normal).into()).into()
 }
 
 fn assert_touch(found: &WallPoint, centre: &Vec3, point: &Vec3, radius: f64) {
@@ -233,9 +239,9 @@ fn candidates_that_are_not_due_are_not_missed() {
     let mut walls = Walls::new(&[moving(Surface::Mesh(swinging), &[turn]), part(plane)]);
     // A sphere that rolls to and fro on the mesh and hops a little.
     let place = |time: f64| vec3(0.5 + 0.02 * (9.0 * time).sin(), 0.45, RADIUS * (0.97 + 0.05 * (40.0 * time).sin()));
-    let (mut candidates, mut due, mut approached) = (Vec::new(), Vec::new(), f64::INFINITY);
+    let (mut candidates, mut near, mut approached) = (Vec::new(), NearElements::default(), f64::INFINITY);
     let (skin, step) = (0.5 * RADIUS, 1e-4);
-    let (mut expected, mut found, mut touches, mut looks, mut all) = (Vec::new(), Vec::new(), 0, 0, 0);
+    let (mut expected, mut due, mut touches, mut looks, mut all) = (Vec::new(), Due::default(), 0, 0, 0);
     let mut last = place(0.0);
     for number in 0..2000 {
         let time = step * f64::from(number);
@@ -245,12 +251,19 @@ fn candidates_that_are_not_due_are_not_missed() {
         last = centre;
         if approached > skin {
             walls.candidates(&centre, RADIUS + skin, &mut candidates);
-            (due, approached) = (vec![0.0; candidates.len()], 0.0);
+            candidates.retain(|candidate| candidate.part == 0);
+            (near, approached) = (NearElements::default(), 0.0);
+            near.push(0, &candidates);
         }
-        looks += due.iter().filter(|due| **due <= approached).count();
-        all += due.len();
+        looks += near.count_due(approached);
+        all += candidates.len();
         walls.contacts(&candidates, &centre, RADIUS, &mut expected);
-        walls.contacts_when_due(&candidates, &mut due, approached, &centre, RADIUS, &mut found);
+        let (spheres, mut found) = ([Sphere { centre: centre.into(), radius: RADIUS }], Vec::new());
+        let take = |particle: u32, points: &[WallPoint]| {
+            assert_eq!(particle, 0);
+            found.extend_from_slice(points);
+        };
+        walls.contacts_when_due::<f64>(&mut near, approached, &spheres, |_| false, &mut due, take);
         assert_eq!(found, expected, "at {time} s");
         touches += found.len();
     }
@@ -377,7 +390,7 @@ fn the_surface_moves_with_the_part_and_the_belt_along_it() {
     let centre = vec3(0.0, 0.0, 1.0 + 0.9 * RADIUS);
     let found = touch(&walls, &centre, RADIUS);
     assert_touch(&found[0], &centre, &vec3(0.0, 0.0, 1.0), RADIUS);
-    assert_eq!(walls.surface_velocity(0, &found[0].point, &found[0].normal), vec3(2.0, 0.0, 0.5));
+    assert_eq!(surface_velocity(&walls, &found[0].point, &found[0].normal), vec3(2.0, 0.0, 0.5));
     assert_eq!(walls.speed_bound(), 0.5);
     walls.set_present(0, false);
     assert_eq!(walls.speed_bound(), 0.0);
@@ -391,7 +404,7 @@ fn turning_about_its_own_axis_brings_a_surface_nowhere() {
     let own = turn(vec3(1.0, 7.0, 0.0), -Vec3::y());
     assert_eq!(Walls::new(&[moving(drum(), std::slice::from_ref(&own))]).speed_bound(), 0.0);
     let walls = Walls::new(&[moving(drum(), &[own])]);
-    assert!((walls.surface_velocity(0, &vec3(1.5, 0.0, 0.0), &Vec3::x()) - vec3(0.0, 0.0, 2.5)).norm() < 1e-15);
+    assert!((surface_velocity(&walls, &vec3(1.5, 0.0, 0.0), &Vec3::x()) - vec3(0.0, 0.0, 2.5)).norm() < 1e-15);
     let bound = Walls::new(&[moving(drum(), &[turn(Vec3::zeros(), Vec3::y())])]).speed_bound();
     assert!((bound - 5.0 * 1.5_f64.hypot(0.5)).abs() < 1e-14);
     // a table turns in itself; a swinging one has no bound, and is always looked at instead

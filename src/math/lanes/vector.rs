@@ -28,6 +28,12 @@ impl<L: Lanes> LaneVector<L> {
         Self { x: L::zero(), y: L::zero(), z: L::zero() }
     }
 
+    /// The same vector in every lane.
+    #[inline(always)]
+    pub fn everywhere(vector: Vec3) -> Self {
+        Self { x: L::splat(vector.x), y: L::splat(vector.y), z: L::splat(vector.z) }
+    }
+
     /// Scalar product.
     #[inline(always)]
     pub fn dot(&self, other: &Self) -> L {
