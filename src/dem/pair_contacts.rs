@@ -228,7 +228,8 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
         // Indices count from the first of all particles.
         let rows: *mut [f64; 8] = loads.as_mut_ptr().cast::<[f64; 8]>().wrapping_sub(self.first);
         let (zero, force) = (L::zero(), [pushed.force.x, pushed.force.y, pushed.force.z]);
-        let turns = pushed.torques.map(|torque| [torque.x, torque.y, torque.z]);
+        let [own, partner] = &pushed.torques;
+        let turns = [[own.x, own.y, own.z], [partner.x, partner.y, partner.z]];
         // SAFETY: loads are rows of eight numbers; the owners of a chunk's pairs are the chunk's own particles, and with `BOTH` so
         // are their partners.
         unsafe {

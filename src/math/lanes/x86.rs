@@ -486,7 +486,8 @@ impl Lanes for Eight {
         let (own, partner) = unsafe {
             let action = pairs_of_columns(action);
             // What is subtracted from the partner's rows.
-            let [turn, less] = [pairs_of_columns(turns[0]), pairs_of_columns(turns[1].map(|turn| -turn))];
+            let [x, y, z] = turns[1];
+            let (turn, less) = (pairs_of_columns(turns[0]), pairs_of_columns([-x, -y, -z]));
             (rows_of_pairs(&action, &turn), rows_of_pairs(&action, &less))
         };
         for lane in 0..8 {
@@ -535,12 +536,11 @@ unsafe fn columns_of_halves([a, b, c, d]: [__m512d; 4]) -> [Eight; 4] {
         let (ab_low, ab_high) = (_mm512_unpacklo_pd(a, b), _mm512_unpackhi_pd(a, b));
         let (cd_low, cd_high) = (_mm512_unpacklo_pd(c, d), _mm512_unpackhi_pd(c, d));
         [
-            _mm512_shuffle_f64x2::<0x88>(ab_low, cd_low),
-            _mm512_shuffle_f64x2::<0x88>(ab_high, cd_high),
-            _mm512_shuffle_f64x2::<0xdd>(ab_low, cd_low),
-            _mm512_shuffle_f64x2::<0xdd>(ab_high, cd_high),
+            Eight(_mm512_shuffle_f64x2::<0x88>(ab_low, cd_low)),
+            Eight(_mm512_shuffle_f64x2::<0x88>(ab_high, cd_high)),
+            Eight(_mm512_shuffle_f64x2::<0xdd>(ab_low, cd_low)),
+            Eight(_mm512_shuffle_f64x2::<0xdd>(ab_high, cd_high)),
         ]
-        .map(Eight)
     }
 }
 
