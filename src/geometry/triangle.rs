@@ -134,26 +134,38 @@ pub fn closest_in_lanes<L: Lanes>(
     let a = LaneVector::new(ax, ay, az) - *point;
     let b = LaneVector::new(bx, by, bz) - *point;
     let c = LaneVector::new(cx, cy, cz) - *point;
-    let (zero, sound) = (L::zero(), normal.norm_squared().exceeds(L::zero()));
-    let height = normal.dot(&a);
+    let (zero, sound) = (L::zero(), dot(&normal, &normal).exceeds(L::zero()));
+    let height = dot(&normal, &a);
     let mut nearest = normal * height;
     let mut best = L::splat(f64::INFINITY);
     let mut beyond_some = !sound;
     for (from, to) in [(a, b), (b, c), (c, a)] {
-        let beyond = !sound | normal.dot(&from.cross(&to)).below(zero);
+        let beyond = !sound | dot(&normal, &cross(&from, &to)).below(zero);
         let edge = to - from;
-        let squared_length = edge.norm_squared();
-        let along = -from.dot(&edge);
-        let inside = from.plus(&edge, along / squared_length);
+        let squared_length = dot(&edge, &edge);
+        let along = -dot(&from, &edge);
+        let inside = from + edge * (along / squared_length);
         let before_end = LaneVector::select(along.below(squared_length), &inside, &to);
         let foot = LaneVector::select(along.exceeds(zero), &before_end, &from);
-        let square = foot.norm_squared();
+        let square = dot(&foot, &foot);
         let nearer = beyond & square.below(best);
         nearest = LaneVector::select(nearer, &foot, &nearest);
         best = L::select(nearer, square, best);
         beyond_some = beyond_some | beyond;
     }
     (nearest, L::select(beyond_some, best, height * height), !beyond_some)
+}
+
+/// Scalar product, its products rounded on their own as those of [`Triangle::closest`] are.
+#[inline(always)]
+fn dot<L: Lanes>(a: &LaneVector<L>, b: &LaneVector<L>) -> L {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
+
+/// Vector product, likewise.
+#[inline(always)]
+fn cross<L: Lanes>(a: &LaneVector<L>, b: &LaneVector<L>) -> LaneVector<L> {
+    LaneVector::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 }
 
 /// Twice the area times the normal, (b - a) x (c - a) [m^2], with the pair of shortest edges, which loses least to
