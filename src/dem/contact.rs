@@ -100,8 +100,8 @@ impl<L: Lanes> Lost<L> {
     /// (a pair computed by two chunks books one half in each).
     #[inline(always)]
     pub fn book(&self, share: f64, concerned: u16, tally: &mut Tally) {
-        let [slip, dashpot, rolling, residual] =
-            [self.slip, self.dashpot, self.rolling, self.law_residual].map(L::to_array);
+        let (slip, dashpot) = (self.slip.to_array(), self.dashpot.to_array());
+        let (rolling, residual) = (self.rolling.to_array(), self.law_residual.to_array());
         for lane in (0..L::COUNT).filter(|lane| concerned >> lane & 1 == 1) {
             tally.slip += share * slip[lane];
             tally.dashpot += share * dashpot[lane];

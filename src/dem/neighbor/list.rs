@@ -270,7 +270,7 @@ impl OuterList {
         list
     }
 
-    /// The pairs within `skin` [m] of contact, section by section ([`Section`]), in each in the same order as here, each with the
+    /// The pairs within `skin` [m] of contact, section by section (touching, near, asleep), in each in the same order as here, each with the
     /// memory that `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
     #[must_use]
     pub fn pruned(
