@@ -1,5 +1,8 @@
 //! Quantities: "3 mm" to metres. Units are checked at the door; inside, everything is SI.
 
+use std::collections::{HashMap, HashSet};
+use std::sync::LazyLock;
+
 /// What a quantity measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Dimension {
@@ -145,14 +148,24 @@ pub(super) const UNITS: &[Unit] = &[
     unit(D::Dimensionless, "%", 1e-2),
 ];
 
+/// The end of a key that names a unit, by the unit's symbol: `_kg_per_m3` for `kg/m3`. Kept, because every key of every scene is
+/// held against them.
+static KEY_ENDINGS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
+    let ending = |symbol: &str| match symbol {
+        "%" => "_percent".to_owned(),
+        symbol if symbol.starts_with("1/") => symbol.replace("1/", "_per_"),
+        symbol => format!("_{}", symbol.replace('/', "_per_").replace(' ', "_")),
+    };
+    UNITS.iter().map(|unit| (unit.symbol, ending(unit.symbol))).collect()
+});
+
+/// The values of [`KEY_ENDINGS`].
+static ALL_KEY_ENDINGS: LazyLock<HashSet<&str>> = LazyLock::new(|| KEY_ENDINGS.values().map(String::as_str).collect());
+
 impl Unit {
     /// The end of a key that names this unit: `_kg_per_m3`.
-    pub fn key_ending(&self) -> String {
-        match self.symbol {
-            "%" => "_percent".to_owned(),
-            symbol if symbol.starts_with("1/") => symbol.replace("1/", "_per_"),
-            symbol => format!("_{}", symbol.replace('/', "_per_").replace(' ', "_")),
-        }
+    pub fn key_ending(&self) -> &'static str {
+        &KEY_ENDINGS[self.symbol]
     }
 }
 
@@ -163,10 +176,10 @@ pub(super) fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Un
 
 /// `key` without the unit at its end: `diameter` of `diameter_mm`.
 pub(super) fn base_of_key(key: &str) -> &str {
-    let endings = UNITS.iter().map(Unit::key_ending);
-    let longest =
-        endings.filter(|ending| key.len() > ending.len() && key.ends_with(ending.as_str())).map(|e| e.len()).max();
-    &key[..key.len() - longest.unwrap_or(0)]
+    // The longest ending begins at the first underscore; a key is more than its unit.
+    let ends = key.match_indices('_').map(|(at, _)| at).filter(|at| *at > 0);
+    let longest = ends.into_iter().find(|at| ALL_KEY_ENDINGS.contains(&key[*at..]));
+    &key[..longest.unwrap_or(key.len())]
 }
 
 /// Why a text is not the quantity that was asked for.
