@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 /// What a quantity measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Dimension {
+pub(crate) enum Dimension {
     Length,
     Time,
     Velocity,
@@ -70,7 +70,7 @@ impl Dimension {
 }
 
 /// A unit: its dimension, how it is written, and what one of it is in SI.
-pub(super) struct Unit {
+pub(crate) struct Unit {
     /// Dimension.
     pub dimension: Dimension,
     /// As written in a quantity.
@@ -86,7 +86,7 @@ const fn unit(dimension: Dimension, symbol: &'static str, factor: f64) -> Unit {
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// All units.
-pub(super) const UNITS: &[Unit] = &[
+pub(crate) const UNITS: &[Unit] = &[
     unit(D::Length, "m", 1.0),
     unit(D::Length, "cm", 1e-2),
     unit(D::Length, "mm", 1e-3),
@@ -170,12 +170,12 @@ impl Unit {
 }
 
 /// The units of a dimension.
-pub(super) fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Unit> {
+pub(crate) fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Unit> {
     UNITS.iter().filter(move |unit| unit.dimension == dimension)
 }
 
 /// `key` without the unit at its end: `diameter` of `diameter_mm`.
-pub(super) fn base_of_key(key: &str) -> &str {
+pub(crate) fn base_of_key(key: &str) -> &str {
     // The longest ending begins at the first underscore; a key is more than its unit.
     let ends = key.match_indices('_').map(|(at, _)| at).filter(|at| *at > 0);
     let longest = ends.into_iter().find(|at| ALL_KEY_ENDINGS.contains(&key[*at..]));
@@ -184,7 +184,7 @@ pub(super) fn base_of_key(key: &str) -> &str {
 
 /// Why a text is not the quantity that was asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Fault {
+pub(crate) enum Fault {
     /// It has no number, or one that is not finite.
     Number,
     /// It has a number but no unit.
@@ -196,7 +196,7 @@ pub(super) enum Fault {
 }
 
 /// Reads a quantity of `dimension`, in SI.
-pub(super) fn parse(text: &str, dimension: Dimension) -> Result<f64, Fault> {
+pub(crate) fn parse(text: &str, dimension: Dimension) -> Result<f64, Fault> {
     let text = text.trim();
     let (number, symbol) = text.split_at(number_length(text));
     let number: f64 = number.parse().map_err(|_| Fault::Number)?;

@@ -9,10 +9,10 @@ use std::cell::RefCell;
 
 mod quantities;
 
-pub(super) use quantities::Limit;
+pub(crate) use quantities::Limit;
 
 /// Reads one table.
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     table: &'a Table,
     /// Where the table stands.
     pub place: Place,
@@ -30,9 +30,9 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// A reader of the whole scene.
-    pub fn root(table: &'a Table, report: &'a Report) -> Self {
-        Self::new(table, Place::in_file(0..0), String::new(), String::new(), "scene", report)
+    /// A reader of a whole file; `section` is what the file is: a scene, a campaign.
+    pub fn root(table: &'a Table, section: &'static str, report: &'a Report) -> Self {
+        Self::new(table, Place::in_file(0..0), String::new(), String::new(), section, report)
     }
 
     fn new(
@@ -90,7 +90,7 @@ impl<'a> Reader<'a> {
     }
 
     fn words(&self) -> String {
-        if self.label.is_empty() { "the scene".to_owned() } else { self.label.clone() }
+        if self.label.is_empty() { format!("the {}", self.section) } else { self.label.clone() }
     }
 
     /// Reports that `key` is not `wanted`.
@@ -385,6 +385,6 @@ fn list(keys: &[&str]) -> String {
 }
 
 /// `path.key`, or `key` alone at the top.
-pub(super) fn join(path: &str, key: &str) -> String {
+pub(crate) fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }

@@ -8,7 +8,7 @@ use crate::scene::tree::{Node, Value};
 
 /// Which values a quantity may take.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::scene) enum Limit {
+pub(crate) enum Limit {
     /// Any finite value.
     Any,
     /// > 0.
