@@ -39,6 +39,8 @@ pub struct DryRun {
     pub variants: usize,
     /// Runs of each.
     pub replicates: u64,
+    /// Variants whose scenes cannot run, and why.
+    pub refused: Vec<(String, String)>,
     /// One a task.
     pub tasks: Vec<Row>,
     /// What the tasks to be run are expected to cost.
@@ -117,7 +119,9 @@ pub fn dry_run(
     };
     let tasks: Vec<Row> = graph.tasks.iter().zip(&states).enumerate().map(row).collect();
     let due: Vec<&Task> = graph.tasks.iter().zip(&tasks).filter(|(_, row)| row.runs).map(|(task, _)| task).collect();
+    let refusal = |run: &super::task::Run| Some((label(&columns, &variants[run.variant]), run.refused.clone()?));
     DryRun {
+        refused: graph.runs.iter().filter_map(refusal).collect(),
         campaign: campaign.name.clone(),
         workspace: workspace.root.display().to_string(),
         variants: meant,
@@ -284,7 +288,10 @@ impl DryRun {
         if self.tasks.len() > MOST_ROWS {
             let _ = write!(text, "\n... and {} more; --json lists all", self.tasks.len() - MOST_ROWS);
         }
-        let hours = self.cost.processor_h.map_or_else(|| "unknown".to_owned(), |hours| format!("{hours:.2} h"));
+        for (variant, refusal) in self.refused.iter().take(MOST_ROWS) {
+            let _ = write!(text, "\nrefused {variant}: {refusal}");
+        }
+        let hours = self.cost.processor_h.map_or_else(|| "unknown".to_owned(), duration);
         let memory = self.cost.memory_bytes.map_or_else(|| "unknown".to_owned(), megabytes);
         let free = self.cost.free_bytes.map_or_else(String::new, |bytes| format!(" of {} free", megabytes(bytes)));
         let _ = write!(
@@ -311,6 +318,15 @@ impl DryRun {
             let _ = writeln!(text, "{stage}: {all} different, {runs} to be computed ({})", states.join(", "));
         }
         text
+    }
+}
+
+/// Hours for people.
+fn duration(hours: f64) -> String {
+    match hours * 3600.0 {
+        seconds if seconds < 120.0 => format!("{seconds:.0} s"),
+        seconds if seconds < 7200.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{hours:.1} h"),
     }
 }
 

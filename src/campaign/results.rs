@@ -38,7 +38,7 @@ pub struct ResultRow {
     pub replicate: u64,
     /// Its seed.
     pub seed: u64,
-    /// `done`, or the state of the first of its tasks that is not.
+    /// `done`, `refused`, or the state of the first of its tasks that is not done.
     pub status: &'static str,
     /// Why it is not done.
     pub reason: String,
@@ -126,8 +126,12 @@ fn row(graph: &Graph, states: &[State], summaries: &BTreeMap<usize, Summary>, ru
         variant: run.variant,
         replicate: run.replicate,
         seed: run.seed,
-        status: first.map_or("done", |index| states[*index].word()),
-        reason: cause.map_or_else(String::new, |index| reason(graph, &states[index], index)),
+        status: if run.refused.is_some() { "refused" } else { first.map_or("done", |index| states[*index].word()) },
+        reason: match (&run.refused, cause) {
+            (Some(refusal), _) => one_line(refusal),
+            (None, Some(index)) => reason(graph, &states[index], index),
+            (None, None) => String::new(),
+        },
         measures,
         own_cpu_s: of(true),
         shared_cpu_s: of(false),
@@ -140,12 +144,17 @@ fn reason(graph: &Graph, state: &State, index: usize) -> String {
     let stage = graph.tasks[index].group();
     match state {
         State::Failed(failure) => {
-            format!("{stage} (exit {}): {}", failure.exit_code, failure.reason.lines().collect::<Vec<_>>().join(" "))
+            format!("{stage} (exit {}): {}", failure.exit_code, one_line(&failure.reason))
         }
         State::Begun => format!("{stage} was begun and has not ended"),
         State::Lacking(outputs) => format!("{stage} lacks {}", outputs.join(", ")),
         _ => String::new(),
     }
+}
+
+/// A text of several lines as one cell of a table.
+fn one_line(text: &str) -> String {
+    text.lines().map(str::trim).collect::<Vec<_>>().join(" ")
 }
 
 /// Whether the measure a summary calls `name` is asked for: a stored result may have more of them.
@@ -258,8 +267,11 @@ impl Results {
     /// One row a run. Times and memory, which differ from one computation to the next, are the last columns.
     fn table(&self, campaign: &Campaign, variants: &[Variant], place: &Path) -> Result<Vec<u8>, StorageError> {
         let columns = columns(campaign);
-        let stages: Vec<&String> =
-            self.rows.first().map_or_else(Vec::new, |row| row.keys.iter().map(|(s, _)| s).collect());
+        let stages: Vec<&String> = self
+            .rows
+            .iter()
+            .find(|row| !row.keys.is_empty())
+            .map_or_else(Vec::new, |row| row.keys.iter().map(|(stage, _)| stage).collect());
         let mut header = vec!["variant".to_owned()];
         header.extend(columns.iter().map(|column| column.header()));
         header.extend(["replicate", "seed", "status", "reason"].map(str::to_owned));
@@ -273,7 +285,8 @@ impl Results {
             cells.extend(variant.values.iter().map(|value| value.cell.clone()));
             cells.extend([row.replicate.to_string(), row.seed.to_string(), row.status.to_owned(), row.reason.clone()]);
             cells.extend(self.measures.iter().map(|name| cell(row.measures.get(name))));
-            cells.extend(row.keys.iter().map(|(_, key)| key.clone()));
+            let key = |stage: &&String| row.keys.iter().find(|(other, _)| other == *stage).map(|(_, key)| key.clone());
+            cells.extend(stages.iter().map(|stage| key(stage).unwrap_or_default()));
             let time = |seconds: Option<f64>| seconds.map_or_else(String::new, |seconds| format!("{seconds:.2}"));
             cells.extend([time(row.own_cpu_s), time(row.shared_cpu_s)]);
             cells.push(row.peak_memory_bytes.map_or_else(String::new, |bytes| bytes.to_string()));

@@ -59,6 +59,8 @@ pub struct Outcome {
     pub was_interrupted: bool,
     /// Why no further task was started: the system failed.
     pub stopped: Option<String>,
+    /// True where the scenes of some variants cannot run.
+    pub has_refused: bool,
 }
 
 impl Outcome {
@@ -70,7 +72,7 @@ impl Outcome {
             exit_code::SYSTEM
         } else if self.was_interrupted {
             exit_code::INTERRUPTED
-        } else if self.states.iter().all(is_done) {
+        } else if self.states.iter().all(is_done) && !self.has_refused {
             exit_code::DONE
         } else {
             exit_code::VARIANTS_FAILED
@@ -118,6 +120,7 @@ pub fn run(
         states: states(workspace, graph, &mut scheduler.watch),
         was_interrupted: interrupted.load(Ordering::Relaxed),
         stopped: scheduler.stopped,
+        has_refused: graph.runs.iter().any(|run| run.refused.is_some()),
     })
 }
 

@@ -69,7 +69,7 @@ impl Task {
 }
 
 /// One variant with one seed.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Run {
     /// Index of the variant.
     pub variant: usize,
@@ -77,6 +77,8 @@ pub struct Run {
     pub replicate: u64,
     /// Its seed.
     pub seed: u64,
+    /// Why its scene cannot run; it has no tasks then.
+    pub refused: Option<String>,
     /// Its tasks, one a stage, upstream first.
     pub tasks: Vec<usize>,
     /// Its whole runs, one a last stage; empty where it has none.
@@ -108,54 +110,49 @@ struct Draft {
     upstream: Vec<usize>,
 }
 
-/// The settings of a variant's replicate number `replicate` from 1, where the base scene's seed is `seed`.
-fn settings(variant: &Variant, seed: u64, replicate: u64) -> Vec<(String, String)> {
-    let mut settings = variant.settings.clone();
-    if replicate > 1 {
-        settings.push(("seed".to_owned(), (seed + replicate - 1).to_string()));
-    }
-    settings
-}
-
 /// The tasks of the `chosen` variants of a campaign; wall times and memory only with a `calibration`.
 ///
 /// # Errors
-/// When the scene of a variant is wrong, or cannot run: all that are found, up to [`MOST_WRONG`].
+/// When the scenes of all of them are wrong, or cannot run: the first [`MOST_WRONG`]. One that is wrong among others is refused,
+/// and stops nothing.
 pub fn graph(
     campaign: &Campaign,
     variants: &[Variant],
     chosen: &[usize],
     calibration: Option<Calibration>,
 ) -> Result<Graph, CampaignError> {
-    let points: Vec<(usize, u64)> =
-        chosen.iter().flat_map(|variant| (1..=campaign.replicates).map(|replicate| (*variant, replicate))).collect();
     let whole = whole_runs(campaign, chosen);
-    let expand = |(variant, replicate): (usize, u64)| {
-        let has_whole = replicate == 1 && whole.contains(&variant);
-        expand(campaign, &variants[variant], replicate, has_whole, calibration)
-    };
-    let expanded = in_parallel(&points, &expand);
+    let expand = |variant: usize| expand(campaign, &variants[variant], whole.contains(&variant), calibration);
+    let expanded = in_parallel(chosen, &expand);
+    let points = chosen.iter().flat_map(|variant| (1..=campaign.replicates).map(|replicate| (*variant, replicate)));
+    let points: Vec<(usize, u64)> = points.collect();
     let mut graph = Graph::default();
     let mut known: HashMap<(String, String), usize> = HashMap::new();
-    let mut wrong: Vec<(String, RunError)> = Vec::new();
-    let columns = columns(campaign);
-    for (result, (variant, replicate)) in expanded.into_iter().zip(&points) {
+    let mut wrong: Vec<(usize, RunError)> = Vec::new();
+    for (result, (variant, replicate)) in expanded.into_iter().flatten().zip(&points) {
+        let mut run = Run { variant: *variant, replicate: *replicate, ..Run::default() };
         match result {
-            Ok(run) => {
-                graph.is_cut = run.is_cut;
-                let tasks = graph.take(run.split, &mut known);
-                let whole = graph.take(run.whole, &mut known);
-                graph.runs.push(Run { variant: *variant, replicate: *replicate, seed: run.seed, tasks, whole });
+            Ok(expanded) => {
+                graph.is_cut = expanded.is_cut;
+                run.seed = expanded.seed;
+                run.tasks = graph.take(expanded.split, &mut known);
+                run.whole = graph.take(expanded.whole, &mut known);
             }
-            Err(error) => wrong.push((label(&columns, &variants[*variant]), error)),
+            Err(error) => {
+                run.refused = Some(error.to_string());
+                wrong.push((*variant, error));
+            }
         }
+        graph.runs.push(run);
     }
-    if wrong.is_empty() {
+    if wrong.len() < points.len() || points.is_empty() {
         return Ok(graph);
     }
-    wrong.dedup_by(|(a, _), (b, _)| a == b);
+    wrong.dedup_by_key(|(variant, _)| *variant);
     wrong.truncate(MOST_WRONG);
-    Err(CampaignError::Variants(wrong))
+    let columns = columns(campaign);
+    let labelled = wrong.into_iter().map(|(variant, error)| (label(&columns, &variants[variant]), error));
+    Err(CampaignError::Variants(labelled.collect()))
 }
 
 /// Variants with wrong scenes that are told at once.
@@ -186,24 +183,35 @@ impl Graph {
     }
 }
 
+/// All replicates of a variant.
 fn expand(
     campaign: &Campaign,
     variant: &Variant,
-    replicate: u64,
     has_whole: bool,
     calibration: Option<Calibration>,
-) -> Result<Expanded, RunError> {
-    let mut request = RunRequest {
+) -> Vec<Result<Expanded, RunError>> {
+    let request = RunRequest {
         scene: campaign.scene.clone(),
-        settings: settings(variant, 0, 1),
+        settings: variant.settings.clone(),
         replicates: 1,
         ..RunRequest::default()
     };
-    let mut prepared = prepare(&request)?;
-    if replicate > 1 {
-        request.settings = settings(variant, prepared.scene.seed, replicate);
-        prepared = prepare(&request)?;
+    let mut expanded = vec![prepare(&request).and_then(|prepared| replicate(prepared, request.clone(), has_whole, calibration))];
+    let first_seed = expanded[0].as_ref().map_or(0, |first| first.seed);
+    for index in 1..campaign.replicates {
+        let mut request = request.clone();
+        request.settings.push(("seed".to_owned(), (first_seed + index).to_string()));
+        expanded.push(prepare(&request).and_then(|prepared| replicate(prepared, request, false, calibration)));
     }
+    expanded
+}
+
+fn replicate(
+    prepared: Prepared,
+    request: RunRequest,
+    has_whole: bool,
+    calibration: Option<Calibration>,
+) -> Result<Expanded, RunError> {
     let split = drafts(&prepared, &request, calibration)?;
     let is_cut = prepared.scene.is_cut();
     let whole = if has_whole && is_cut {

@@ -245,6 +245,12 @@ fn tell(status: &Status) -> Result<u8, CampaignError> {
     let columns = columns(&opened.campaign);
     let mut told = 0;
     for run in &graph.runs {
+        if let Some(refusal) = &run.refused {
+            told += 1;
+            if told <= MOST_TOLD {
+                print::result(&format!("refused: {}: {refusal}", label(&columns, &opened.variants[run.variant])));
+            }
+        }
         for index in run.tasks.iter().chain(&run.whole) {
             let text = match &states[*index] {
                 State::Failed(failure) => format!("exit {}: {}", failure.exit_code, failure.reason),
@@ -261,7 +267,8 @@ fn tell(status: &Status) -> Result<u8, CampaignError> {
     if told > MOST_TOLD {
         print::result(&format!("... and {} more", told - MOST_TOLD));
     }
-    let done = graph.tasks.iter().zip(&states).all(|(_, state)| matches!(state, State::Stored(_) | State::NotNeeded));
+    let is_done = |state: &State| matches!(state, State::Stored(_) | State::NotNeeded);
+    let done = states.iter().all(is_done) && graph.runs.iter().all(|run| run.refused.is_none());
     let place = opened.workspace.root.display();
     print::result(&format!("results in {place}, {} on disk", megabytes(results::size_of(&opened.workspace.root))));
     Ok(if done { exit_code::DONE } else { exit_code::VARIANTS_FAILED })
