@@ -140,7 +140,8 @@ fn length_restored<L: Lanes>(lost: L, square: L) -> L {
     // Divided first: the spring is known long before the normal is.
     let inverse = L::splat(0.5) / square;
     let factor = (lost * lost).mul_add(inverse, L::splat(1.0));
-    L::select(square.exceeds(L::zero()), factor, L::splat(1.0))
+    // A spring whose square is subnormal has an infinite inverse, which nothing lost turns into not-a-number: it is none.
+    L::select(square.exceeds(L::splat(f64::MIN_POSITIVE)), factor, L::splat(1.0))
 }
 
 /// Elastic energy of a tangential spring [J]: at the full step where `history` comes from
