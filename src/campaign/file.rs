@@ -283,10 +283,12 @@ fn keys_of(reader: &Reader<'_>, name: &str) -> Vec<String> {
     })
 }
 
+/// The column of an axis; everything that is wrong with it is found, also where it has no name.
 fn column(reader: &Reader<'_>) -> Option<Column> {
-    let name = reader.name()?;
+    let name = reader.name();
     let unit = reader.text("unit").unwrap_or_default().to_owned();
-    Some(Column { keys: keys_of(reader, &name), name, unit })
+    let keys = keys_of(reader, name.as_deref().unwrap_or("chute"));
+    Some(Column { name: name?, unit, keys })
 }
 
 /// The axes: those that are zipped make one factor.
@@ -296,7 +298,7 @@ fn axes(reader: &Reader<'_>) -> Vec<Factor> {
         let zip = axis.text("zip").map(str::to_owned);
         let place = axis.place.clone();
         let column = column(&axis);
-        let values = column.as_ref().and_then(|column| values(&axis, &column.unit));
+        let values = values(&axis, column.as_ref().map_or("", |column| &column.unit));
         axis.finish();
         let (Some(column), Some(values)) = (column, values) else { continue };
         let partner = factors.iter_mut().find(|(name, _)| zip.is_some() && *name == zip);
@@ -340,11 +342,11 @@ fn values(axis: &Reader<'_>, unit: &str) -> Option<Vec<Value>> {
         axis.missing("values", "values = [30, 40, 50]`, or `from = 30, to = 50, count = 5");
         return None;
     }
-    let scale = Scale::of(axis)?;
-    let count = axis.integer("count", 5).or_else(|| {
+    let scale = Scale::of(axis);
+    if !axis.has("count") {
         axis.missing("count", "count = 5");
-        None
-    })?;
+    }
+    let count = axis.integer("count", 5)?;
     if !(2..=MOST_POINTS).contains(&count) {
         axis.report.error(
             "out-of-range",
@@ -354,6 +356,7 @@ fn values(axis: &Reader<'_>, unit: &str) -> Option<Vec<Value>> {
         );
         return None;
     }
+    let scale = scale?;
     let share = |k: u64| k as f64 / (count - 1) as f64;
     Some((0..count).map(|k| Value::of_number(scale.at(share(k)), unit)).collect())
 }

@@ -17,7 +17,7 @@ fn a_failed_and_a_refused_variant_are_told_and_the_rest_is_done() {
     assert_eq!(answer.code, 9, "{answer:?}");
     assert_eq!(statuses(&bench), ["done", "failed", "refused", "done"], "{answer:?}");
     let rows = results(&bench);
-    assert!(rows[1]["reason"].contains("heap (exit 7)") && rows[1]["reason"].contains("gate 'outlet'"), "{:?}", rows[1]);
+    assert!(rows[1]["reason"].contains("heap (exit 7)") && rows[1]["reason"].contains("stopped at a gate"), "{:?}", rows[1]);
     assert!(rows[2]["reason"].contains("point"), "{:?}", rows[2]);
     assert!(rows[1]["heap.centre_z_m"].is_empty() && !rows[3]["heap.centre_z_m"].is_empty());
     let status = bench.tollgate(&["campaign", "status", ".", "--out", "out"]);

@@ -21,9 +21,9 @@ fn the_upstream_is_computed_once_and_a_new_value_makes_only_its_own_runs_due() {
     assert!(answer.out.contains("hopper: 1 done") && answer.out.contains("heap: 2 done"), "{answer:?}");
     assert_eq!(starts(&bench), [1, 1, 1]);
     assert_eq!(statuses(&bench), ["done", "done"]);
-    // The heap of a higher floor lies higher, by about as much.
+    // What falls on a higher floor lies higher, and by no more than the floor is higher.
     let heights: Vec<f64> = results(&bench).iter().map(|row| row["heap.centre_z_m"].parse().unwrap()).collect();
-    assert!((heights[1] - heights[0] - 0.01).abs() < 0.004, "{heights:?}");
+    assert!((0.0..0.01).contains(&(heights[1] - heights[0])) && heights[1] > heights[0], "{heights:?}");
     let columns = results(&bench);
     assert_eq!(columns[0]["key.hopper"], columns[1]["key.hopper"]);
     assert_ne!(columns[0]["key.heap"], columns[1]["key.heap"]);
@@ -157,7 +157,7 @@ fn backends_can_be_mixed() {
     assert_eq!((upstream.word("/stages/0/backend"), upstream.number("/stages/0/threads")), ("liggghts", 2.0));
     let downstream = bench.summary(&format!("out/stages/heap/{}", rows[1]["key.heap"]));
     assert_eq!(downstream.word("/stages/0/backend"), "native");
-    assert_eq!(downstream.number("/gates/0/arrivals/recorded/count"), downstream.number("/gates/0/arrivals/arrived/count"));
+    assert_eq!(downstream.number("/gates/0/replayed/arrivals/recorded/count"), downstream.number("/gates/0/replayed/arrivals/arrived/count"));
     // Another number of ranks is another upstream.
     write(&bench, &[SMALL, &mixed.replace("ranks\" = 2", "ranks\" = 1"), FLOORS]);
     let dry = dry_run(&bench, &[]);

@@ -156,3 +156,22 @@ pub fn tangential_energy(settings: &LawSettings, stiffness: f64, history: &LaneV
         TangentialLaw::Incremental => 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The spring of a grain that rests for long decays by the turning of its contact, through all subnormal squares to zero.
+    #[test]
+    fn a_spring_of_any_length_gives_a_number_and_never_grows() {
+        for exponent in -330..=0_i32 {
+            let length = 10f64.powi(exponent);
+            for share in [0.0, 1e-9, 0.5, 1.0] {
+                let factor = length_restored(share * length, length * length);
+                assert!((1.0..=1.5).contains(&factor), "{factor} at a length of 1e{exponent} of which {share} is lost");
+            }
+        }
+        // Second order in what is lost: 1 / sqrt(1 - s^2) = 1 + s^2 / 2 + ..., here with s = 1e-3.
+        assert!((length_restored(1e-3, 1.0) - 1.0 / (1.0_f64 - 1e-6).sqrt()).abs() < 1e-12);
+    }
+}
