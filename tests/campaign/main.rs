@@ -4,6 +4,7 @@
 
 #[path = "../common/draw.rs"]
 mod draw;
+#[expect(dead_code, reason = "shared with the other targets")]
 #[path = "../common/program.rs"]
 mod program;
 
