@@ -59,11 +59,13 @@ fn find_from(spheres: &[Sphere], cells: &CellLevels, range: &Range<usize>, skin:
     for index in range.clone() {
         let own = &spheres[index];
         let position = own.position();
-        let level = usize::from(cells.level[index]);
+        let level = cells.level(index);
         for (number, grid) in cells.grids.iter().enumerate().skip(level) {
             let reach = own.radius + grid.largest_radius + skin;
-            grid.for_each_near(&position, reach, |member, shift| {
-                if number == level && member as usize <= index {
+            // Of a pair of one level the earlier one finds the later one.
+            let first = if number == level { index as u32 + 1 } else { 0 };
+            grid.for_each_near(&position, reach, first, |member, shift| {
+                if member < first {
                     return;
                 }
                 let other = &spheres[member as usize];
