@@ -8,7 +8,7 @@ use super::neighbor::list::{Bodies, Candidate, Images, InnerList, Memory, Rememb
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::particles::{Particles, Sphere, Velocity};
 use super::sleep::ChunkRest;
-use super::survey::{largest_displacement, only_material, radii};
+use super::survey::{displacement_unless, only_material, radii};
 use super::threads::Threads;
 use super::wall::Walls;
 use super::wall_contacts::PartLoad;
@@ -147,7 +147,10 @@ impl Neighborhood {
     pub fn for_each_near(&self, position: &Vec3, radius: f64, mut visit: impl FnMut(u32, Vec3)) {
         for grid in &self.cells.grids {
             let reach = radius + grid.largest_radius + self.moved_since_outer;
-            grid.for_each_near(position, reach, 0, |member, shift| visit(member, grid.image_offset(shift)));
+            grid.for_each_run(position, reach, 0, |members, shift| {
+                let offset = grid.image_offset(shift);
+                members.iter().for_each(|&member| visit(member, offset));
+            });
         }
     }
 
@@ -241,19 +244,27 @@ impl Neighborhood {
         self.moved_since_inner = 0.0;
     }
 
-    /// Whether the bound on motion uses up the inner skin, and true displacements do too. They are measured then.
+    /// Whether the inner lists are too old to go on with. Displacements are measured where the bound on them allows no answer.
     pub(super) fn inner_is_worn(&mut self, spheres: &[Sphere], threads: &Threads) -> bool {
         if 2.0 * self.moved_since_inner <= self.inner_skin {
             return false;
         }
-        self.moved_since_inner = largest_displacement(spheres, &self.inner_reference, threads);
-        2.0 * self.moved_since_inner > RENEW_SHARE * self.inner_skin
+        let limit = RENEW_SHARE * self.inner_skin;
+        let moved = displacement_unless(spheres, &self.inner_reference, threads, |moved| 2.0 * moved > limit);
+        self.moved_since_inner = moved.unwrap_or(self.moved_since_inner);
+        moved.is_none()
     }
 
-    /// Whether the outer lists are too old to make inner ones from. Displacements are measured.
+    /// Whether the outer lists are too old to make inner ones from. Displacements are measured likewise.
     pub(super) fn outer_is_worn(&mut self, spheres: &[Sphere], threads: &Threads) -> bool {
-        self.moved_since_outer = largest_displacement(spheres, &self.outer_reference, threads);
-        2.0 * self.moved_since_outer + self.inner_skin > self.settings.skin
+        let (inner_skin, skin) = (self.inner_skin, self.settings.skin);
+        let is_far = |moved: f64| 2.0 * moved + inner_skin > skin;
+        if !is_far(self.moved_since_outer) {
+            return false;
+        }
+        let moved = displacement_unless(spheres, &self.outer_reference, threads, is_far);
+        self.moved_since_outer = moved.unwrap_or(self.moved_since_outer);
+        moved.is_none()
     }
 
     /// Says that the particle stored at `index` has become prescribed.

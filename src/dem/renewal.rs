@@ -5,6 +5,7 @@ use super::neighborhood::{Chunk, ListSettings, RENEW_SHARE};
 use super::simulation::Simulation;
 use super::wall_contacts::PartLoad;
 use super::wall_list::{NearParts, WallContact, WallList};
+use std::ops::Range;
 use std::time::Instant;
 
 impl Simulation {
@@ -64,46 +65,48 @@ impl Simulation {
 
     /// All contacts with parts, renumbered: `old_index[new] = old`. Sorted by the new numbers.
     fn take_wall_contacts(&mut self, old_index: &[u32]) -> Vec<WallContact> {
+        let chunks = &self.neighborhood.chunks;
+        let held = self.threads.map(chunks.len(), |number| chunks[number].walls.contacts());
+        if held.iter().all(Vec::is_empty) {
+            return Vec::new();
+        }
         let mut new_index = vec![u32::MAX; old_index.iter().map(|&old| old as usize + 1).max().unwrap_or(0)];
         old_index.iter().enumerate().for_each(|(new, &old)| new_index[old as usize] = new as u32);
         let renumbered = |contact: WallContact| {
             let new = new_index.get(contact.particle as usize).filter(|&&new| new != u32::MAX);
             new.map(|&particle| WallContact { particle, ..contact })
         };
-        let held = self.neighborhood.chunks.iter().flat_map(|chunk| chunk.walls.contacts());
-        let mut contacts: Vec<WallContact> = held.filter_map(renumbered).collect();
+        let mut contacts: Vec<WallContact> = held.into_iter().flatten().filter_map(renumbered).collect();
         contacts.sort_by_key(|contact| contact.particle);
         contacts
     }
 
     /// Hands contacts with parts, sorted by particle, to the chunks.
     pub(super) fn give_wall_contacts(&mut self, contacts: &[WallContact]) {
-        let parts = self.setup.parts.len();
-        let mut contacts = contacts.iter().peekable();
-        for chunk in &mut self.neighborhood.chunks {
-            let end = chunk.range.end as u32;
-            while let Some(contact) = contacts.next_if(|contact| contact.particle < end) {
-                chunk.walls.hold(&self.walls, contact);
-            }
+        let (parts, walls) = (self.setup.parts.len(), &self.walls);
+        self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
+            let below = |border: usize| contacts.partition_point(|contact| (contact.particle as usize) < border);
+            let own = &contacts[below(chunk.range.start)..below(chunk.range.end)];
+            own.iter().for_each(|contact| chunk.walls.hold(walls, contact));
             chunk.part_loads = vec![PartLoad::default(); parts];
-        }
+        });
     }
 
-    /// The elements of parts near each particle, and how many particles there were when the lists were made.
-    fn take_wall_candidates(&mut self) -> (Vec<WallList>, usize) {
-        let count = self.neighborhood.chunks.last().map_or(0, |chunk| chunk.range.end);
-        (self.neighborhood.chunks.iter_mut().map(|chunk| std::mem::take(&mut chunk.walls)).collect(), count)
+    /// The elements of parts near each particle, by the chunks that they stood in.
+    fn take_wall_candidates(&mut self) -> Vec<(Range<usize>, WallList)> {
+        let taken = |chunk: &mut Chunk| (chunk.range.clone(), std::mem::take(&mut chunk.walls));
+        self.neighborhood.chunks.iter_mut().map(taken).collect()
     }
 
     /// Goes on with the elements near each particle, renumbered: `old_index[new] = old`. Those of newcomers, and all where much
     /// of the skin is used up or a particle may have gone round a periodic border, are collected.
-    fn give_wall_candidates(&mut self, (held, count): &(Vec<WallList>, usize), old_index: &[u32]) {
+    fn give_wall_candidates(&mut self, held: &[(Range<usize>, WallList)], old_index: &[u32]) {
         let ListSettings { skin, periodic, .. } = self.neighborhood.settings();
         if periodic != [false; 3] || self.neighborhood.approached_walls > RENEW_SHARE * skin {
             self.collect_wall_candidates();
             return;
         }
-        let near = NearParts::new(held, *count);
+        let near = NearParts::new(held, &self.threads);
         let (spheres, walls) = (&self.particles.spheres, &self.walls);
         self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let mut found = Vec::new();
@@ -125,7 +128,7 @@ impl Simulation {
         let (spheres, walls) = (&self.particles.spheres, &self.walls);
         self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let held = chunk.walls.contacts();
-            chunk.walls = WallList::collect(spheres, walls, chunk.range.clone(), skin);
+            chunk.walls = WallList::collect(spheres, walls, &chunk.range, skin);
             held.iter().for_each(|contact| chunk.walls.hold(walls, contact));
         });
         self.neighborhood.approached_walls = 0.0;

@@ -3,6 +3,7 @@
 use super::particles::{Sphere, Velocity};
 use super::threads::Threads;
 use crate::math::Vec3;
+use std::ops::Range;
 
 /// Smallest and largest radius [m]; infinite and zero without particles.
 pub(super) fn radii(spheres: &[Sphere], threads: &Threads) -> [f64; 2] {
@@ -25,14 +26,30 @@ pub(super) fn only_material(velocities: &[Velocity], threads: &Threads) -> Optio
     is_only.into_iter().all(|is_only| is_only).then_some(first)
 }
 
-/// Largest distance between where the particles are and where they were [m].
-pub(super) fn largest_displacement(spheres: &[Sphere], reference: &[[f64; 3]], threads: &Threads) -> f64 {
-    let count = spheres.len().min(reference.len());
-    let squares = threads.map_pieces(count, |places| {
-        let square = |(sphere, old): (&Sphere, &[f64; 3])| (sphere.position() - Vec3::from(*old)).norm_squared();
-        spheres[places.clone()].iter().zip(&reference[places]).map(square).fold(0.0, f64::max)
-    });
-    squares.into_iter().fold(0.0, f64::max).sqrt()
+/// Entries between two looks whether the answer is known.
+const LOOK: usize = 128;
+
+/// Largest distance [m] between where the particles are and where they were; `None` where `is_far` is true of it. What is true of a
+/// distance must be true of larger ones.
+pub(super) fn displacement_unless(
+    spheres: &[Sphere],
+    reference: &[[f64; 3]],
+    threads: &Threads,
+    is_far: impl Fn(f64) -> bool + Sync,
+) -> Option<f64> {
+    let square = |(sphere, old): (&Sphere, &[f64; 3])| (sphere.position() - Vec3::from(*old)).norm_squared();
+    let of_piece = |places: Range<usize>| {
+        let mut largest = 0.0_f64;
+        for (spheres, reference) in spheres[places.clone()].chunks(LOOK).zip(reference[places].chunks(LOOK)) {
+            largest = spheres.iter().zip(reference).map(square).fold(largest, f64::max);
+            if is_far(largest.sqrt()) {
+                return None;
+            }
+        }
+        Some(largest)
+    };
+    let squares: Option<Vec<f64>> = threads.map_pieces(spheres.len(), of_piece).into_iter().collect();
+    Some(squares?.into_iter().fold(0.0, f64::max).sqrt())
 }
 
 #[cfg(test)]
@@ -44,14 +61,20 @@ mod tests {
     fn the_extreme_one_is_found_wherever_it_stands() {
         for threads in [1, 2, 3, 7].map(Threads::new) {
             assert_eq!(radii(&[], &threads), [f64::INFINITY, 0.0]);
-            assert_eq!((only_material(&[], &threads), largest_displacement(&[], &[], &threads)), (None, 0.0));
+            assert_eq!(
+                (only_material(&[], &threads), displacement_unless(&[], &[], &threads, |_| true)),
+                (None, Some(0.0))
+            );
             for count in [1_usize, 2, 9000] {
                 for place in [0, count / 2, count - 1] {
                     let mut spheres = vec![Sphere { centre: [1.0; 3], radius: 2.0 }; count];
                     let reference: Vec<[f64; 3]> = spheres.iter().map(|sphere| sphere.centre).collect();
-                    assert_eq!(largest_displacement(&spheres, &reference, &threads), 0.0);
+                    let moved = |spheres: &[Sphere], limit: f64| {
+                        displacement_unless(spheres, &reference, &threads, |moved| moved > limit)
+                    };
+                    assert_eq!(moved(&spheres, 0.0), Some(0.0));
                     spheres[place] = Sphere { centre: [4.0, 1.0, 5.0], radius: 1.0 };
-                    assert_eq!(largest_displacement(&spheres, &reference, &threads), 5.0);
+                    assert_eq!((moved(&spheres, 5.0), moved(&spheres, 4.999)), (Some(5.0), None));
                     assert_eq!(radii(&spheres, &threads), [1.0, if count == 1 { 1.0 } else { 2.0 }]);
                     spheres[place].radius = 3.0;
                     assert_eq!(radii(&spheres, &threads), [if count == 1 { 3.0 } else { 2.0 }, 3.0]);

@@ -77,37 +77,36 @@ impl CellGrid {
         ((z * self.counts[1] + y) * self.counts[0] + x) as u32
     }
 
-    /// Calls `visit(member, image)` for every particle of the level whose cell lies within `reach` [m] of `position`;
-    /// `image` is the number of domain lengths to add to the member's position, per axis. Of those stored before number `first` some
-    /// are left out.
+    /// Calls `visit(members, image)` for particles of the level, run by run, at least for all whose cells lie within `reach` [m] of
+    /// `position`; `image` is the number of domain lengths to add to the members' positions, per axis. Some of those stored before
+    /// number `first` are left out.
     #[inline]
-    pub fn for_each_near(&self, position: &Vec3, reach: f64, first: u32, mut visit: impl FnMut(u32, [i8; 3])) {
+    pub fn for_each_run(&self, position: &Vec3, reach: f64, first: u32, mut visit: impl FnMut(&[u32], [i8; 3])) {
         let Sorted { start, members } = &self.sorted;
-        let mut run = |cells: Range<usize>, image: [i8; 3]| {
-            let [mut from, to] = [cells.start, cells.end].map(|cell| start[cell] as usize);
-            if self.in_storage_order {
-                from = from.max(first as usize).min(to);
-            }
-            members[from..to].iter().for_each(|&member| visit(member, image));
-        };
-        let ranges: [(isize, isize); 3] = std::array::from_fn(|axis| self.cell_range(position[axis], reach, axis));
-        for z in ranges[2].0..=ranges[2].1 {
+        let [x_range, y_range, z_range] = [0, 1, 2].map(|axis| self.cell_range(position[axis], reach, axis));
+        for z in z_range.0..=z_range.1 {
             let (z, image_z) = self.wrapped(z, 2);
             let layer_end = start[(z + 1) * self.counts[1] * self.counts[0]];
             if self.in_storage_order && layer_end <= first {
                 continue;
             }
-            for y in ranges[1].0..=ranges[1].1 {
+            for y in y_range.0..=y_range.1 {
                 let (y, image_y) = self.wrapped(y, 1);
                 let row = (z * self.counts[1] + y) * self.counts[0];
-                if !self.periodic[0] {
-                    // Cells of a row are neighbours in memory: one run of members.
-                    run(row + ranges[0].0 as usize..row + ranges[0].1 as usize + 1, [0, image_y, image_z]);
-                    continue;
-                }
-                for x in ranges[0].0..=ranges[0].1 {
-                    let (x, image_x) = self.wrapped(x, 0);
-                    run(row + x..row + x + 1, [image_x, image_y, image_z]);
+                let mut x = x_range.0;
+                while x <= x_range.1 {
+                    // Cells of a row are neighbours in memory: one run of members, where none of them is an image.
+                    let last = if self.periodic[0] { x } else { x_range.1 };
+                    let (cell, image_x) = self.wrapped(x, 0);
+                    let cells = row + cell..=row + cell + (last - x) as usize;
+                    let [mut from, to] = [*cells.start(), *cells.end() + 1].map(|cell| start[cell] as usize);
+                    if self.in_storage_order {
+                        from = from.max(first as usize).min(to);
+                    }
+                    if from < to {
+                        visit(&members[from..to], [image_x, image_y, image_z]);
+                    }
+                    x = last + 1;
                 }
             }
         }
@@ -312,11 +311,13 @@ mod tests {
             for (cells, spheres) in [(unordered, &spheres), (cells, &ordered)] {
                 for first in [0, 1, 1500, 2999] {
                     let (position, reach, mut found) = (spheres[first].position(), 0.005, Vec::new());
-                    cells.grids[0].for_each_near(&position, reach, first as u32, |member, image| {
-                        let place = spheres[member as usize].position() + cells.grids[0].image_offset(image);
-                        if member as usize >= first && (place - position).norm() < reach {
-                            found.push(member);
-                        }
+                    cells.grids[0].for_each_run(&position, reach, first as u32, |members, image| {
+                        let offset = cells.grids[0].image_offset(image);
+                        let is_near = |&member: &u32| {
+                            let apart = spheres[member as usize].position() + offset - position;
+                            member as usize >= first && apart.norm() < reach
+                        };
+                        found.extend(members.iter().copied().filter(is_near));
                     });
                     found.sort_unstable();
                     let is_near = |&index: &u32| {

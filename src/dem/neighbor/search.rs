@@ -61,24 +61,24 @@ fn find_from(spheres: &[Sphere], cells: &CellLevels, range: &Range<usize>, skin:
         let position = own.position();
         let level = cells.level(index);
         for (number, grid) in cells.grids.iter().enumerate().skip(level) {
-            let reach = own.radius + grid.largest_radius + skin;
             // Of a pair of one level the earlier one finds the later one.
             let first = if number == level { index as u32 + 1 } else { 0 };
-            grid.for_each_near(&position, reach, first, |member, shift| {
-                if member < first {
-                    return;
-                }
-                let other = &spheres[member as usize];
+            let reach = own.radius + grid.largest_radius + skin;
+            grid.for_each_run(&position, reach, first, |members, shift| {
                 let image = Images::index(shift);
-                let mut distance = other.position() - position;
-                if image != NO_IMAGE {
-                    distance += grid.image_offset(shift);
-                }
-                let reach = own.radius + other.radius + skin;
-                if distance.norm_squared() < reach * reach {
-                    let pair = Pair { from: index as u32, to: member, image };
-                    let list = if range.contains(&(member as usize)) { &mut found.own } else { &mut found.cross };
-                    list.push(pair);
+                let offset = (image != NO_IMAGE).then(|| grid.image_offset(shift));
+                for &member in members.iter().filter(|&&member| member >= first) {
+                    let other = &spheres[member as usize];
+                    let mut distance = other.position() - position;
+                    if let Some(offset) = offset {
+                        distance += offset;
+                    }
+                    let reach = own.radius + other.radius + skin;
+                    if distance.norm_squared() < reach * reach {
+                        let pair = Pair { from: index as u32, to: member, image };
+                        let list = if range.contains(&(member as usize)) { &mut found.own } else { &mut found.cross };
+                        list.push(pair);
+                    }
                 }
             });
         }

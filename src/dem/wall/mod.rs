@@ -184,28 +184,37 @@ impl Walls {
     /// `found` is emptied first.
     pub fn candidates(&self, centre: &Vec3, reach: f64, found: &mut Vec<Candidate>) {
         found.clear();
-        for (part, wall) in (0_u16..).zip(&self.walls) {
-            if !wall.present {
-                continue;
+        self.present_parts().for_each(|part| self.add_candidates(part, centre, reach, found));
+    }
+
+    /// The parts that exist, ascending.
+    pub fn present_parts(&self) -> impl Iterator<Item = u16> {
+        (0_u16..).zip(&self.walls).filter_map(|(part, wall)| wall.present.then_some(part))
+    }
+
+    /// Adds to `found` every element of one part within `reach` [m] of `centre` [m] at the present pose, ascending.
+    #[inline]
+    pub fn add_candidates(&self, part: u16, centre: &Vec3, reach: f64, found: &mut Vec<Candidate>) {
+        let wall = &self.walls[usize::from(part)];
+        let local = wall.to_body(centre);
+        match &wall.shape {
+            Shape::Plane { point, normal } => {
+                if wall.is_always_candidate() || normal.dot(&(local - point)) <= reach {
+                    found.push(Candidate { part, element: 0 });
+                }
             }
-            let start = found.len();
-            let local = wall.to_body(centre);
-            match &wall.shape {
-                Shape::Plane { point, normal } => {
-                    if wall.is_always_candidate() || normal.dot(&(local - point)) <= reach {
-                        found.push(Candidate { part, element: 0 });
+            Shape::Frustum(frustum) => {
+                for (element, side) in [(0, Side::Near), (1, Side::Far)] {
+                    if frustum.closest(&local, side).squared_distance <= reach * reach {
+                        found.push(Candidate { part, element });
                     }
                 }
-                Shape::Frustum(frustum) => {
-                    for (element, side) in [(0, Side::Near), (1, Side::Far)] {
-                        if frustum.closest(&local, side).squared_distance <= reach * reach {
-                            found.push(Candidate { part, element });
-                        }
-                    }
-                }
-                Shape::Mesh(tree) => tree.within(&local, reach, |element| found.push(Candidate { part, element })),
             }
-            found[start..].sort_unstable();
+            Shape::Mesh(tree) => {
+                let start = found.len();
+                tree.within(&local, reach, |element| found.push(Candidate { part, element }));
+                found[start..].sort_unstable();
+            }
         }
     }
 
