@@ -1,7 +1,7 @@
 //! Lists that all threads work on: cut into pieces that follow from their length alone, so that no bit depends on the threads.
 
 use super::threads::Threads;
-use std::ops::Range;
+use std::ops::{AddAssign, Range};
 
 /// About so many entries go into a piece: beside its work, handing it out costs nothing.
 const ENTRIES: usize = 2048;
@@ -24,6 +24,16 @@ pub fn split_at_ranges<T>(mut list: &mut [T], ranges: impl Iterator<Item = Range
         list = rest;
     }
     pieces
+}
+
+/// Turns the numbers of entries of rows, each one place behind its row, into where each row's begin, and where the last one's end.
+pub fn add_up<T: Copy + Default + AddAssign>(counts: &mut [T]) {
+    let mut sum = T::default();
+    for count in counts {
+        // Not read back from the list: that takes longer than the sum.
+        sum += *count;
+        *count = sum;
+    }
 }
 
 impl Threads {
@@ -69,6 +79,14 @@ mod tests {
             assert_eq!((ranges[0].start, ranges[ranges.len() - 1].end), (0, count));
             assert!(ranges.windows(2).all(|pair| pair[0].end == pair[1].start) && ranges.len() <= MOST);
         }
+    }
+
+    #[test]
+    fn numbers_of_entries_become_places() {
+        let mut start = [0_u32, 3, 0, 2, 1];
+        add_up(&mut start);
+        assert_eq!(start, [0, 3, 3, 5, 6]);
+        add_up::<u32>(&mut []);
     }
 
     #[test]

@@ -8,6 +8,7 @@
 
 use super::neighbor::list::{Memory, PairMemory};
 use super::particles::Sphere;
+use super::pieces::add_up;
 use super::threads::Threads;
 use super::wall::{Candidate, NearElements, Plane, WallPoint, Walls};
 use crate::math::Vec3;
@@ -101,9 +102,7 @@ impl ChunkParts {
     fn new(range: &Range<usize>, list: &WallList) -> Self {
         let mut starts = vec![0; range.len() + 1];
         list.rows().for_each(|(index, near)| starts[index - range.start + 1] += near.len());
-        for row in 0..range.len() {
-            starts[row + 1] += starts[row];
-        }
+        add_up(&mut starts);
         let mut ends = starts.clone();
         let mut candidates = vec![Candidate { part: 0, element: 0 }; starts[range.len()]];
         for (index, near) in list.rows() {
@@ -127,14 +126,9 @@ impl WallList {
         let mut result = Self::default();
         let mut found = Vec::new();
         for part in walls.present_parts() {
-            for index in range.clone() {
-                let sphere = &spheres[index];
-                walls.add_candidates(part, &sphere.position(), sphere.radius + skin, &mut found);
-                if !found.is_empty() {
-                    result.push(walls, index, &found);
-                    found.clear();
-                }
-            }
+            walls.candidates_of(part, &spheres[range.clone()], skin, &mut found, |place, found| {
+                result.push(walls, range.start + place, found);
+            });
         }
         result
     }

@@ -1,6 +1,7 @@
 //! Contact memory carried over a change of the particles' order.
 
 use super::list::{InnerList, Memory};
+use crate::dem::pieces::add_up;
 use crate::dem::threads::Threads;
 use std::ops::Range;
 
@@ -41,7 +42,7 @@ impl ChunkMemory {
         // Counted first and filled in afterwards: of millions of particles this is the largest thing while lists are made anew.
         let mut start = vec![0_u32; range.len() + 1];
         for_each_memory(lists, |particle, _, _| start[particle as usize - range.start + 1] += 1);
-        (0..range.len()).for_each(|row| start[row + 1] += start[row]);
+        add_up(&mut start);
         let mut next = start.clone();
         let mut entries = vec![(0, Memory::NONE); start[range.len()] as usize];
         for_each_memory(lists, |particle, partner, memory| {

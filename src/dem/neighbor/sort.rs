@@ -1,7 +1,7 @@
 //! The sorting of particles into cells by all threads: pieces of the particles are spread over runs of cells, then every run is sorted
 //! by itself.
 
-use crate::dem::pieces::{piece_ranges, split_at_ranges};
+use crate::dem::pieces::{add_up, piece_ranges, split_at_ranges};
 use crate::dem::threads::Threads;
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ impl Spread {
         let run_of = |(cell, _): (u32, u32)| cell as usize / run;
         let mut start = vec![0_u32; runs + 1];
         entries.iter().for_each(|&entry| start[run_of(entry) + 1] += 1);
-        (0..runs).for_each(|number| start[number + 1] += start[number]);
+        add_up(&mut start);
         let mut next = start.clone();
         let mut spread = vec![(0, 0); entries.len()];
         for &entry in &entries {
@@ -86,10 +86,8 @@ fn sort_run<'a, I: Iterator<Item = &'a (u32, u32)>>(
 ) {
     let mut next = vec![0_u32; start.len() + 1];
     entries().for_each(|(cell, _)| next[*cell as usize - first + 1] += 1);
-    for cell in 0..start.len() {
-        next[cell + 1] += next[cell];
-        start[cell] = place + next[cell];
-    }
+    add_up(&mut next);
+    start.iter_mut().zip(&next).for_each(|(start, from)| *start = place + from);
     for (cell, member) in entries() {
         let slot = &mut next[*cell as usize - first];
         sorted[*slot as usize] = *member;
