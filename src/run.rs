@@ -29,7 +29,7 @@ use crate::stage::split::{StageJob, why_not_whole};
 use crate::storage::StorageError;
 pub use folder::name_of;
 use folder::{Claim, RunFolder};
-pub use prepared::{Prepared, prepare};
+pub use prepared::{Prepared, prepare, prepare_from};
 use stage::{StageOrder, StageOutcome};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;

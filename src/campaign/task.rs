@@ -5,7 +5,8 @@ use super::file::Campaign;
 use super::variant::{Variant, columns, label};
 use crate::plan::Calibration;
 use crate::plan::stages::plan_stage;
-use crate::run::{Prepared, RunError, RunRequest, prepare};
+use crate::run::{Prepared, RunError, RunRequest, prepare_from};
+use crate::scene::Source;
 use crate::scene::backend::BackendName;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -122,7 +123,8 @@ pub fn graph(
     calibration: Option<Calibration>,
 ) -> Result<Graph, CampaignError> {
     let whole = whole_runs(campaign, chosen);
-    let expand = |variant: usize| expand(campaign, &variants[variant], whole.contains(&variant), calibration);
+    let source = Source::open(&campaign.scene).map_err(CampaignError::Findings)?;
+    let expand = |variant: usize| expand(&source, campaign, &variants[variant], whole.contains(&variant), calibration);
     let expanded = in_parallel(chosen, &expand);
     let points = chosen.iter().flat_map(|variant| (1..=campaign.replicates).map(|replicate| (*variant, replicate)));
     let points: Vec<(usize, u64)> = points.collect();
@@ -185,6 +187,7 @@ impl Graph {
 
 /// All replicates of a variant.
 fn expand(
+    source: &Source,
     campaign: &Campaign,
     variant: &Variant,
     has_whole: bool,
@@ -196,17 +199,24 @@ fn expand(
         replicates: 1,
         ..RunRequest::default()
     };
-    let mut expanded = vec![prepare(&request).and_then(|prepared| replicate(prepared, request.clone(), has_whole, calibration))];
+    let mut expanded = vec![
+        prepare_from(source, &request)
+            .and_then(|prepared| replicate(source, prepared, request.clone(), has_whole, calibration)),
+    ];
     let first_seed = expanded[0].as_ref().map_or(0, |first| first.seed);
     for index in 1..campaign.replicates {
         let mut request = request.clone();
         request.settings.push(("seed".to_owned(), (first_seed + index).to_string()));
-        expanded.push(prepare(&request).and_then(|prepared| replicate(prepared, request, false, calibration)));
+        expanded.push(
+            prepare_from(source, &request)
+                .and_then(|prepared| replicate(source, prepared, request, false, calibration)),
+        );
     }
     expanded
 }
 
 fn replicate(
+    source: &Source,
     prepared: Prepared,
     request: RunRequest,
     has_whole: bool,
@@ -216,7 +226,7 @@ fn replicate(
     let is_cut = prepared.scene.is_cut();
     let whole = if has_whole && is_cut {
         let request = RunRequest { whole: true, ..request };
-        drafts(&prepare(&request)?, &request, calibration)?
+        drafts(&prepare_from(source, &request)?, &request, calibration)?
     } else {
         Vec::new()
     };

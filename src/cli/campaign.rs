@@ -3,11 +3,12 @@
 use super::print;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use tollgate::backend::native;
 use tollgate::campaign::claim::Watch;
 use tollgate::campaign::file::{self, Campaign};
 use tollgate::campaign::results::Results;
-use tollgate::campaign::scheduler::{self, Outcome, Rerun};
+use tollgate::campaign::scheduler::{Board, Outcome, Rerun, local};
 use tollgate::campaign::status::{State, states, tally};
 use tollgate::campaign::task::{Graph, graph};
 use tollgate::campaign::variant::{Variant, chosen, columns, label, variants};
@@ -108,6 +109,9 @@ struct Task {
     parent: Option<i32>,
 }
 
+/// Wall time for each lattice of the calibration: a forecast to a tenth is enough to plan with.
+const CALIBRATION: Duration = Duration::from_millis(100);
+
 /// Set by Ctrl-C, or by the system's request to end.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -163,7 +167,7 @@ impl Opened {
         let settings = self.variants.first().map_or(&[][..], |variant| &variant.settings);
         let (scene, _) = tollgate::scene::read(&self.campaign.scene, settings).ok()?;
         let processor = native::processor::Processor::new(Some(1), None);
-        native::calibrate::calibrate(&scene, &plan::plan(&scene, None), processor)
+        native::calibrate::calibrate(&scene, &plan::plan(&scene, None), processor, CALIBRATION)
     }
 }
 
@@ -195,9 +199,9 @@ fn compute(run: &Run) -> Result<u8, CampaignError> {
         print::message(&format!("Ctrl-C will end the campaign without last checkpoints ({error})"));
     }
     let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("tollgate"));
-    let request = scheduler::Request { jobs: run.jobs, rerun, program };
+    let board = Board::new(workspace, campaign, &graph, rerun);
     let mut tally = Tally::on_stderr(if run.verbose { Verbosity::Verbose } else { Verbosity::Normal });
-    let outcome = scheduler::run(workspace, campaign, &graph, &request, &mut tally, &INTERRUPTED)?;
+    let outcome = local::run(board, &local::Request { jobs: run.jobs, program }, &mut tally, &INTERRUPTED)?;
     drop(tally);
     let results = results::collect(workspace, &graph, &outcome.states)?;
     results.write(workspace, campaign, variants)?;

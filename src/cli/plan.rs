@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments) -> u8 {
     };
     let processor = native::processor::Processor::new(arguments.threads, arguments.simd);
     let first = plan::plan(&scene, None);
-    let calibration = native::calibrate::calibrate(&scene, &first, processor);
+    let calibration = native::calibrate::calibrate(&scene, &first, processor, native::calibrate::TIME);
     let (json, text, is_refused) = if scene.stages.is_empty() {
         let mut plan = plan::plan(&scene, calibration);
         plan.backends.push(liggghts::verdict(&scene, &[], &[]));

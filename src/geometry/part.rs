@@ -2,7 +2,8 @@
 
 use super::motion::Motion;
 use crate::math::Vec3;
-use serde::Serialize;
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 
 /// A part of the plant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -46,13 +47,31 @@ pub enum Surface {
     Mesh(TriangleMesh),
 }
 
-/// Triangles that share vertices.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+/// Triangles that share vertices. It is serialised as the number of its triangles and a digest of its content: what it is used for
+/// is to tell meshes apart, and there may be millions of triangles.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct TriangleMesh {
     /// Vertices [m]; bit-equal ones are stored once.
     pub vertices: Vec<Vec3>,
     /// Vertex indices of each triangle, in the file's order and orientation.
     pub triangles: Vec<[u32; 3]>,
+}
+
+impl Serialize for TriangleMesh {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut content = blake3::Hasher::new();
+        content.update(&(self.vertices.len() as u64).to_le_bytes());
+        for component in self.vertices.iter().flatten() {
+            content.update(&component.to_le_bytes());
+        }
+        for corner in self.triangles.iter().flatten() {
+            content.update(&corner.to_le_bytes());
+        }
+        let mut mesh = serializer.serialize_struct("TriangleMesh", 2)?;
+        mesh.serialize_field("triangles", &self.triangles.len())?;
+        mesh.serialize_field("blake3", content.finalize().to_hex().as_str())?;
+        mesh.end()
+    }
 }
 
 /// When something happens.

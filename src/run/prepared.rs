@@ -10,7 +10,7 @@ use crate::plan::choose::{BackendVerdict, Capabilities, verdict};
 use crate::plan::{Plan, plan};
 use crate::scene::backend::BackendName;
 use crate::scene::gate::StreamSource;
-use crate::scene::{self, Scene};
+use crate::scene::{Scene, Source};
 use crate::stage::key::StageKey;
 use crate::stage::split::{StageJob, stage_jobs, whole_jobs};
 use std::path::{Path, PathBuf};
@@ -34,7 +34,15 @@ pub struct Prepared {
 /// # Errors
 /// When the scene is wrong, the plan refuses it, or a backend cannot do what it is to compute.
 pub fn prepare(request: &RunRequest) -> Result<Prepared, RunError> {
-    let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
+    prepare_from(&Source::open(&request.scene).map_err(RunError::Scene)?, request)
+}
+
+/// The same from a scene file that has been read: that of the request.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_from(source: &Source, request: &RunRequest) -> Result<Prepared, RunError> {
+    let (scene, warnings) = source.resolve(&request.settings).map_err(RunError::Scene)?;
     let jobs = match (scene.is_cut(), request.whole) {
         (false, _) => vec![StageJob::uncut(&scene)],
         (true, true) => whole_jobs(&scene),

@@ -19,7 +19,7 @@ pub(crate) mod tree;
 
 pub use diagnostics::{Finding, Severity};
 pub use quantity::quantity_in;
-pub use read::{read, read_text};
+pub use read::{Source, read, read_text};
 
 use crate::dem::feed::{Feed, FeedKind};
 use crate::dem::law::LawSettings;

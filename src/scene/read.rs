@@ -3,9 +3,13 @@
 use super::diagnostics::{Finding, Place, Report, Severity};
 use super::resolve::{Draft, resolve};
 use super::{Domain, MeasureKind, Scene, extent, rules, tree};
+use crate::geometry::part::TriangleMesh;
+use crate::geometry::stl::{StlError, read_stl};
 use crate::material::MaterialTable;
 use crate::math::Bounds;
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// A scene file in a folder.
 const FILE: &str = "scene.toml";
@@ -18,30 +22,7 @@ const LARGEST: u64 = 16 << 20;
 /// # Errors
 /// All findings, if any of them is an error; a valid scene comes with its warnings.
 pub fn read(path: &Path, settings: &[(String, String)]) -> Result<(Scene, Vec<Finding>), Vec<Finding>> {
-    let file = if path.is_dir() { path.join(FILE) } else { path.to_owned() };
-    let shown = file.display().to_string();
-    let text = match std::fs::metadata(&file) {
-        Ok(found) if !found.is_file() => Err("it is no file".to_owned()),
-        Ok(found) if found.len() > LARGEST => Err(format!("it has {} bytes, more than any scene", found.len())),
-        Ok(_) => std::fs::read_to_string(&file).map_err(|error| error.to_string()),
-        Err(error) => Err(error.to_string()),
-    };
-    match text {
-        Ok(text) => {
-            let base = file.parent().unwrap_or(Path::new(""));
-            read_text(&text, &shown, base, settings)
-        }
-        Err(reason) => {
-            let report = Report::new(&shown, "");
-            report.error(
-                "file-unreadable",
-                &Place::in_file(0..0),
-                format!("the scene \"{shown}\" cannot be read: {reason}"),
-                "name a scene file, or a folder that holds a scene.toml; `tollgate init` writes one",
-            );
-            Err(report.into_findings())
-        }
-    }
+    Source::open(path)?.resolve(settings)
 }
 
 /// Reads a scene from its text. `file` is what findings call it; files that the scene names are looked for in `base`.
@@ -54,26 +35,102 @@ pub fn read_text(
     base: &Path,
     settings: &[(String, String)],
 ) -> Result<(Scene, Vec<Finding>), Vec<Finding>> {
-    let report = Report::new(file, text);
-    let mut root = tree::parse(text, &report);
-    if !report.is_empty() {
-        // What follows a syntax error is anybody's guess.
-        return Err(report.into_findings());
+    Source::of_text(text.to_owned(), file, base)?.resolve(settings)
+}
+
+/// A scene file that is read once and resolved under as many settings as one likes; files that it names are read once, too.
+#[derive(Debug)]
+pub struct Source {
+    file: String,
+    base: PathBuf,
+    text: String,
+    root: tree::Node,
+    meshes: Meshes,
+}
+
+impl Source {
+    /// Reads the file: `path` itself, or the `scene.toml` in that folder.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is no TOML.
+    pub fn open(path: &Path) -> Result<Self, Vec<Finding>> {
+        let file = if path.is_dir() { path.join(FILE) } else { path.to_owned() };
+        let shown = file.display().to_string();
+        let text = match std::fs::metadata(&file) {
+            Ok(found) if !found.is_file() => Err("it is no file".to_owned()),
+            Ok(found) if found.len() > LARGEST => Err(format!("it has {} bytes, more than any scene", found.len())),
+            Ok(_) => std::fs::read_to_string(&file).map_err(|error| error.to_string()),
+            Err(error) => Err(error.to_string()),
+        };
+        match text {
+            Ok(text) => Self::of_text(text, &shown, file.parent().unwrap_or(Path::new(""))),
+            Err(reason) => {
+                let report = Report::new(&shown, "");
+                report.error(
+                    "file-unreadable",
+                    &Place::in_file(0..0),
+                    format!("the scene \"{shown}\" cannot be read: {reason}"),
+                    "name a scene file, or a folder that holds a scene.toml; `tollgate init` writes one",
+                );
+                Err(report.into_findings())
+            }
+        }
     }
-    for (path, value) in settings {
-        tree::set(&mut root, path, value, &report);
+
+    fn of_text(text: String, file: &str, base: &Path) -> Result<Self, Vec<Finding>> {
+        let report = Report::new(file, &text);
+        let root = tree::parse(&text, &report);
+        if !report.is_empty() {
+            // What follows a syntax error is anybody's guess.
+            return Err(report.into_findings());
+        }
+        Ok(Self { file: file.to_owned(), base: base.to_owned(), text, root, meshes: Meshes::default() })
     }
-    let draft = resolve(&root, &default_name(file, base), base, &report);
-    let domain = extent::domain(&draft);
-    rules::check(&draft, domain, &report);
-    let findings = report.into_findings();
-    if findings.iter().any(|finding| finding.severity == Severity::Error) {
-        return Err(findings);
+
+    /// The scene under `settings`, as of [`read`].
+    ///
+    /// # Errors
+    /// All findings, if any of them is an error; a valid scene comes with its warnings.
+    pub fn resolve(&self, settings: &[(String, String)]) -> Result<(Scene, Vec<Finding>), Vec<Finding>> {
+        let report = Report::new(&self.file, &self.text);
+        let mut root = self.root.clone();
+        for (path, value) in settings {
+            tree::set(&mut root, path, value, &report);
+        }
+        let name = default_name(&self.file, &self.base);
+        let draft = resolve(&root, &name, Files { base: &self.base, meshes: &self.meshes }, &report);
+        let domain = extent::domain(&draft);
+        rules::check(&draft, domain, &report);
+        let findings = report.into_findings();
+        if findings.iter().any(|finding| finding.severity == Severity::Error) {
+            return Err(findings);
+        }
+        match assemble(draft, domain) {
+            Some(scene) => Ok((scene, findings)),
+            None => unreachable!("a scene without errors resolves as a whole"),
+        }
     }
-    match assemble(draft, domain) {
-        Some(scene) => Ok((scene, findings)),
-        None => unreachable!("a scene without errors resolves as a whole"),
+}
+
+/// STL files by their path, each read once.
+#[derive(Debug, Default)]
+pub(super) struct Meshes(Mutex<HashMap<PathBuf, Result<TriangleMesh, StlError>>>);
+
+impl Meshes {
+    /// The mesh in a file.
+    pub fn of(&self, path: &Path) -> Result<TriangleMesh, StlError> {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        known.entry(path.to_owned()).or_insert_with(|| read_stl(path)).clone()
     }
+}
+
+/// Files that a scene names.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Files<'a> {
+    /// Folder that they are named from.
+    pub base: &'a Path,
+    /// Those that were read already.
+    pub meshes: &'a Meshes,
 }
 
 /// The folder's name for `scene.toml`, else the file's.

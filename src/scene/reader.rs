@@ -45,8 +45,9 @@ impl<'a> Reader<'a> {
     ) -> Self {
         for entry in &table.entries {
             let base = quantity::base_of_key(&entry.key);
-            for key in [base, &entry.key] {
-                report.remember(join(&path, key), entry.key_place.clone());
+            report.remember(join(&path, base), entry.key_place.clone());
+            if base != entry.key {
+                report.remember(join(&path, &entry.key), entry.key_place.clone());
             }
         }
         report.remember(path.clone(), place.clone());

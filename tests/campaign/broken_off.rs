@@ -127,7 +127,8 @@ impl<'a> Disk<'a> {
     fn mount(bench: &'a Bench, size: &str) -> Option<Self> {
         fs::create_dir(bench.path("out")).unwrap();
         let options = format!("size={size}");
-        let mount = Command::new("mount").args(["-t", "tmpfs", "-o", &options, "tmpfs"]).arg(bench.path("out")).output();
+        let mount =
+            Command::new("mount").args(["-t", "tmpfs", "-o", &options, "tmpfs"]).arg(bench.path("out")).output();
         mount.is_ok_and(|mount| mount.status.success()).then_some(Self(bench))
     }
 }

@@ -17,7 +17,11 @@ fn a_failed_and_a_refused_variant_are_told_and_the_rest_is_done() {
     assert_eq!(answer.code, 9, "{answer:?}");
     assert_eq!(statuses(&bench), ["done", "failed", "refused", "done"], "{answer:?}");
     let rows = results(&bench);
-    assert!(rows[1]["reason"].contains("heap (exit 7)") && rows[1]["reason"].contains("stopped at a gate"), "{:?}", rows[1]);
+    assert!(
+        rows[1]["reason"].contains("heap (exit 7)") && rows[1]["reason"].contains("stopped at a gate"),
+        "{:?}",
+        rows[1]
+    );
     assert!(rows[2]["reason"].contains("point"), "{:?}", rows[2]);
     assert!(rows[1]["heap.centre_z_m"].is_empty() && !rows[3]["heap.centre_z_m"].is_empty());
     let status = bench.tollgate(&["campaign", "status", ".", "--out", "out"]);
@@ -41,7 +45,8 @@ fn a_failed_and_a_refused_variant_are_told_and_the_rest_is_done() {
 #[test]
 fn where_every_variant_is_wrong_nothing_starts_and_all_is_told() {
     let bench = bench(&[SMALL, "[[axis]]\nname = \"floor\"\nkeys = \"part.flor.point_mm\"\nvalues = [1, 2]\n"]);
-    run(&bench, &[]).refused(2, &["`part.flor.point_mm` does not exist", "did you mean `floor`?", "2 variants cannot run"]);
+    run(&bench, &[])
+        .refused(2, &["`part.flor.point_mm` does not exist", "did you mean `floor`?", "2 variants cannot run"]);
     assert!(!bench.path("out").exists());
     write(&bench, &[SMALL, "[[axis]]\nname = \"floor\"\nvalues = []\nspeed = 1\n"]);
     run(&bench, &[]).refused(2, &["has no `keys`", "at least one value", "`speed` is not a key"]);

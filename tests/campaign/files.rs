@@ -43,7 +43,10 @@ fn everything_that_a_campaign_can_say_is_understood() {
     }
     let mut rolling: Vec<f64> = all[..4].iter().map(|variant| variant.values[6].number().unwrap().log10()).collect();
     rolling.sort_by(f64::total_cmp);
-    assert!(rolling.iter().enumerate().all(|(class, share)| (class as f64 - 4.0..=class as f64 - 3.0).contains(share)), "{rolling:?}");
+    assert!(
+        rolling.iter().enumerate().all(|(class, share)| (class as f64 - 4.0..=class as f64 - 3.0).contains(share)),
+        "{rolling:?}"
+    );
 }
 
 /// Each case of `bad.toml` states every finding it must get, on the line above `#^`.

@@ -49,14 +49,23 @@ fn comments_names_paths_and_threads_make_nothing_due() {
         let dry = dry_run(&bench, &["--jobs", "2"]);
         assert!(reasons(&dry).is_empty(), "{what}: {:?}", reasons(&dry));
     };
-    fs::write(bench.path("scene.toml"), scene.replace("title = \"small hopper\"", "# renamed\ntitle = \"another\"")).unwrap();
+    fs::write(bench.path("scene.toml"), scene.replace("title = \"small hopper\"", "# renamed\ntitle = \"another\""))
+        .unwrap();
     nothing("a comment and the title");
     fs::create_dir(bench.path("elsewhere")).unwrap();
     fs::rename(bench.path("scene.toml"), bench.path("elsewhere/base.toml")).unwrap();
     write(&bench, &["scene = \"elsewhere/base.toml\"\n# moved\n", SMALL, FLOORS]);
     nothing("another path");
-    write(&bench, &["title = \"renamed\"\nscene = \"elsewhere/base.toml\"\n", SMALL, FLOORS, "[[sample]]\ncount = 2\n\
-        [[sample.axis]]\nname = \"friction\"\nkeys = \"pair.sinter-steel.friction\"\nfrom = 0.4\nto = 0.6\n"]);
+    write(
+        &bench,
+        &[
+            "title = \"renamed\"\nscene = \"elsewhere/base.toml\"\n",
+            SMALL,
+            FLOORS,
+            "[[sample]]\ncount = 2\n\
+        [[sample.axis]]\nname = \"friction\"\nkeys = \"pair.sinter-steel.friction\"\nfrom = 0.4\nto = 0.6\n",
+        ],
+    );
     let dry = dry_run(&bench, &[]);
     assert_eq!(due(&dry)["hopper"], (2, 2), "friction on steel is the hopper's too: {dry:#}");
 }
@@ -84,12 +93,15 @@ fn a_new_output_is_asked_for_and_one_that_is_taken_back_is_not() {
     let measure = "\n[[measure]]\nname = \"contacts\"\nkind = \"coordination-number\"\n";
     fs::write(bench.path("scene.toml"), scene.clone() + measure).unwrap();
     let refused = run(&bench, &[]);
-    refused.refused(2, &["2 stored stages lack outputs that are asked for now", "measures.contacts", "--rerun outputs"]);
+    refused
+        .refused(2, &["2 stored stages lack outputs that are asked for now", "measures.contacts", "--rerun outputs"]);
     let dry = dry_run(&bench, &["--rerun", "outputs"]);
     assert_eq!(due(&dry), [("heap".to_owned(), (2, 2)), ("hopper".to_owned(), (0, 1))].into(), "{dry:#}");
     assert!(reasons(&dry).iter().all(|reason| reason.contains("lacks measures.contacts")), "{dry:#}");
     assert_eq!(run(&bench, &["--rerun", "outputs"]).code, 0);
-    assert!(results(&bench).iter().all(|row| row.contains_key("heap.contacts") || row.contains_key("heap.contacts_mean")));
+    assert!(
+        results(&bench).iter().all(|row| row.contains_key("heap.contacts") || row.contains_key("heap.contacts_mean"))
+    );
     // Back to the old outputs: both results have them.
     fs::write(bench.path("scene.toml"), scene).unwrap();
     assert!(reasons(&dry_run(&bench, &[])).is_empty());
@@ -157,7 +169,10 @@ fn backends_can_be_mixed() {
     assert_eq!((upstream.word("/stages/0/backend"), upstream.number("/stages/0/threads")), ("liggghts", 2.0));
     let downstream = bench.summary(&format!("out/stages/heap/{}", rows[1]["key.heap"]));
     assert_eq!(downstream.word("/stages/0/backend"), "native");
-    assert_eq!(downstream.number("/gates/0/replayed/arrivals/recorded/count"), downstream.number("/gates/0/replayed/arrivals/arrived/count"));
+    assert_eq!(
+        downstream.number("/gates/0/replayed/arrivals/recorded/count"),
+        downstream.number("/gates/0/replayed/arrivals/arrived/count")
+    );
     // Another number of ranks is another upstream.
     write(&bench, &[SMALL, &mixed.replace("ranks\" = 2", "ranks\" = 1"), FLOORS]);
     let dry = dry_run(&bench, &[]);

@@ -15,6 +15,7 @@ use super::diagnostics::{Place, Report};
 use super::extent;
 use super::gate::Gate;
 use super::quantity::Dimension;
+use super::read::{Files, Meshes};
 use super::reader::{Limit, Reader};
 use super::tree::{Node, Value};
 use super::{EndConditions, Measure, OutputSettings, SolverSettings};
@@ -115,6 +116,8 @@ pub(super) struct MeasureDraft {
 pub(super) struct Context<'a> {
     /// Folder that files are named from.
     pub base: &'a Path,
+    /// STL files that were read already.
+    pub meshes: &'a Meshes,
     /// Names of the materials.
     pub materials: Vec<String>,
     /// Density of each material [kg/m3].
@@ -124,7 +127,8 @@ pub(super) struct Context<'a> {
 }
 
 /// Resolves the tree of a scene.
-pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> Draft {
+pub(super) fn resolve(root: &Node, name: &str, files: Files<'_>, report: &Report) -> Draft {
+    let base = files.base;
     let empty = super::tree::Table::default();
     let table = match &root.value {
         Value::Table(table) => table,
@@ -137,6 +141,7 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
     let materials = materials::materials(&reader);
     let mut context = Context {
         base,
+        meshes: files.meshes,
         materials: materials.iter().map(|material| material.name.clone()).collect(),
         densities: materials.iter().map(|material| material.density).collect(),
         classes: Vec::new(),

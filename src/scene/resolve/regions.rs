@@ -3,7 +3,6 @@
 use super::Context;
 use crate::dem::feed::{Face, Region};
 use crate::geometry::part::TriangleMesh;
-use crate::geometry::stl::read_stl;
 use crate::math::{Rotation, Vec3};
 use crate::scene::quantity::Dimension::{Angle, Dimensionless, Length};
 use crate::scene::reader::{Limit, Reader};
@@ -76,7 +75,7 @@ pub(super) fn stl(reader: &Reader<'_>, context: &Context<'_>) -> Option<(Triangl
         reader.report.error("stl-unreadable", &reader.place_of("file"), what, "name an ASCII or binary STL file");
         return None;
     }
-    match read_stl(&path) {
+    match context.meshes.of(&path) {
         Ok(mesh) => Some((mesh, path)),
         Err(error) => {
             reader.report.error(
