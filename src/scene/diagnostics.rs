@@ -133,7 +133,7 @@ pub const ALL_IDS: &[&str] = &[
 
 /// Where something stands: bytes of the scene's text, or an override.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Place {
+pub(crate) enum Place {
     /// In the scene's text.
     File(Range<usize>),
     /// In an override, as given.
@@ -162,7 +162,7 @@ impl Place {
 
 /// Collects findings while a scene is read, and remembers where each key stood for the rules that come later.
 #[derive(Debug)]
-pub(super) struct Report {
+pub(crate) struct Report {
     file: String,
     text: String,
     findings: RefCell<Vec<Finding>>,
@@ -290,7 +290,7 @@ pub fn render(findings: &[Finding], source: &str) -> String {
 }
 
 /// "did you mean" for a near miss, else the list of what is known.
-pub(super) fn hint(given: &str, known: &[&str]) -> String {
+pub(crate) fn hint(given: &str, known: &[&str]) -> String {
     if let Some(near) = nearest(given, known) {
         return format!("did you mean `{near}`?");
     }

@@ -8,14 +8,14 @@ pub mod diagnostics;
 pub(crate) mod extent;
 pub mod gate;
 pub mod layout;
-mod quantity;
+pub(crate) mod quantity;
 pub(crate) mod reach;
 mod read;
-mod reader;
+pub(crate) mod reader;
 mod resolve;
 mod rules;
-mod schema;
-mod tree;
+pub(crate) mod schema;
+pub(crate) mod tree;
 
 pub use diagnostics::{Finding, Severity};
 pub use quantity::quantity_in;

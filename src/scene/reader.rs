@@ -9,10 +9,10 @@ use std::cell::RefCell;
 
 mod quantities;
 
-pub(super) use quantities::Limit;
+pub(crate) use quantities::Limit;
 
 /// Reads one table.
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     table: &'a Table,
     /// Where the table stands.
     pub place: Place,
@@ -33,6 +33,11 @@ impl<'a> Reader<'a> {
     /// A reader of the whole scene.
     pub fn root(table: &'a Table, report: &'a Report) -> Self {
         Self::new(table, Place::in_file(0..0), String::new(), String::new(), "scene", report)
+    }
+
+    /// A reader of a whole file that is no scene; `label` is what it is called in messages: `the site file`.
+    pub fn of_file(table: &'a Table, label: &str, section: &'static str, report: &'a Report) -> Self {
+        Self::new(table, Place::in_file(0..0), String::new(), label.to_owned(), section, report)
     }
 
     fn new(
@@ -340,7 +345,7 @@ impl<'a> Reader<'a> {
                     "unknown-unit",
                     &entry.key_place,
                     format!("`{base}` does not take the unit at the end of `{key}`"),
-                    format!("write `{base} = \"…\"` with a unit that fits, or see the reference of the scene"),
+                    format!("write `{base} = \"…\"` with a unit that fits, or see the reference of the keys"),
                 );
             } else if schema::knows(self.section, base) {
                 self.report.error(

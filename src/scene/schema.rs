@@ -157,6 +157,28 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
     ),
 ];
 
+/// Sections of files that are read like a scene and are none; their own pages explain them.
+pub(crate) const OTHER_FILES: &[(&str, &[&str])] = &[(
+    "site",
+    &[
+        "account",
+        "partition",
+        "qos",
+        "reservation",
+        "constraint",
+        "modules",
+        "setup",
+        "launcher",
+        "wall_time",
+        "signal_lead",
+        "memory",
+        "cpus",
+        "max_array_size",
+        "throttle",
+        "sbatch",
+    ],
+)];
+
 /// Keys that never carry a unit.
 const WORDS: &[&str] = &[
     "version",
@@ -232,11 +254,24 @@ const WORDS: &[&str] = &[
     "after_integration",
     "before_run",
     "after_run",
+    "account",
+    "partition",
+    "qos",
+    "reservation",
+    "constraint",
+    "modules",
+    "setup",
+    "launcher",
+    "memory",
+    "cpus",
+    "max_array_size",
+    "throttle",
+    "sbatch",
 ];
 
 /// True where `section` has `key`.
 pub(super) fn knows(section: &str, key: &str) -> bool {
-    SECTIONS.iter().any(|(name, keys)| *name == section && keys.contains(&key))
+    SECTIONS.iter().chain(OTHER_FILES).any(|(name, keys)| *name == section && keys.contains(&key))
 }
 
 /// True where a unit may stand at the end of `key`.

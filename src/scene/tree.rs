@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 
 /// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Node {
+pub(crate) struct Node {
     /// The value.
     pub value: Value,
     /// Where it stands.
@@ -16,7 +16,7 @@ pub(super) struct Node {
 
 /// A TOML value.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Value {
+pub(crate) enum Value {
     /// String.
     Text(String),
     /// Integer that fits 64 bits.
@@ -50,14 +50,14 @@ impl Value {
 
 /// A table, in the file's order.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Table {
+pub(crate) struct Table {
     /// Its entries.
     pub entries: Vec<Entry>,
 }
 
 /// A key and its value.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Entry {
+pub(crate) struct Entry {
     /// Key as written.
     pub key: String,
     /// Where the key stands.
@@ -111,7 +111,7 @@ impl Table {
 const MOST_SYNTAX_ERRORS: usize = 20;
 
 /// Parses a scene's text; syntax errors go to the report, and what could be read comes back.
-pub(super) fn parse(text: &str, report: &Report) -> Node {
+pub(crate) fn parse(text: &str, report: &Report) -> Node {
     let (document, errors) = DeTable::parse_recoverable(text);
     for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
         let span = error.span().unwrap_or(0..0);

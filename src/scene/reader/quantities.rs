@@ -8,7 +8,7 @@ use crate::scene::tree::{Node, Value};
 
 /// Which values a quantity may take.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::scene) enum Limit {
+pub(crate) enum Limit {
     /// Any finite value.
     Any,
     /// > 0.
@@ -200,7 +200,7 @@ impl<'a> Reader<'a> {
         None
     }
 
-    pub(in crate::scene) fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
+    pub(crate) fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
         self.report.error("out-of-range", place, format!("`{key}` must {words}, and is {given}"), "correct the value");
     }
 
