@@ -9,6 +9,7 @@ pub mod exit_code;
 
 pub mod analysis;
 pub mod backend;
+pub mod campaign;
 pub mod gate;
 pub mod output;
 pub mod plan;
