@@ -2,7 +2,7 @@
 //! programs and fail where they are missing (`./run-tests` installs them). The tasks are lines of shell in place of tollgate.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod again;
 mod arrays;
 mod cluster;
 mod ends;
-mod requeue;

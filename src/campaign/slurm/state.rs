@@ -31,7 +31,8 @@ pub enum TaskState {
     Cancelled,
     /// Its node failed, or was taken for another job.
     NodeFailure,
-    /// It waits for a task that failed, and will never start.
+    /// It waits for a task that failed, and will never start. It stays in the queue until it is cancelled, and is told as such also
+    /// then.
     DependencyNeverSatisfied,
     /// Slurm does not know it, or not any more.
     Unknown,

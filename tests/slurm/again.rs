@@ -8,10 +8,16 @@ use tollgate::campaign::slurm::{Prerequisite, TaskState};
 const TASK: &str = "if [ -e \"$0/checkpoint\" ]; then echo finished > \"$0/$1\"; exit 0; fi; \
                     trap 'sleep 0.2; echo > \"$0/checkpoint\"; exit 130' USR1; echo > \"$0/started\"; while :; do sleep 0.05; done";
 
+/// Ignores that it should write a checkpoint.
+const DEAF: &str = "trap '' USR1; echo > \"$0/started\"; while :; do sleep 0.05; done";
+
+/// One test for both, since Slurm looks at wall times every 30 s only. Its file is called so that it starts first.
 #[test]
-fn a_task_goes_on_after_its_wall_time_and_its_dependents_wait() {
+fn a_task_goes_on_after_its_wall_time_while_others_wait_and_one_that_overruns_it_is_ended() {
     let slurm = Slurm::start();
     let cluster = slurm.cluster();
+    let deaf = slurm.workspace("deaf", DEAF);
+    let overrun = deaf.submit(&cluster, "deaf", 1, None);
     let workspace = slurm.workspace("it's w", TASK);
     let first = workspace.submit(&cluster, "long", 1, None);
     let task = first.task(0).unwrap();
@@ -19,8 +25,10 @@ fn a_task_goes_on_after_its_wall_time_and_its_dependents_wait() {
     let dependents = slurm.workspace("dependents", "echo > \"$0/$1\"");
     let second = dependents.after(&cluster, "after", 2, &after);
     wait_for(&workspace.path("started"));
-    // Slurm looks at wall times every 30 s, and sends the signal then: it is due 60 s before the end.
+    wait_for(&deaf.path("started"));
+    // The signal is due 60 s before the end.
     slurm.set_end(task, "now+60");
+    slurm.set_end(overrun.task(0).unwrap(), "now");
     let again = TaskState::Pending { reason: "BeginTime".into() };
     wait_until("it is queued again", || states(&cluster, &first) == std::slice::from_ref(&again));
     assert!(workspace.path("checkpoint").exists());
@@ -34,17 +42,5 @@ fn a_task_goes_on_after_its_wall_time_and_its_dependents_wait() {
         assert!(log.contains(part), "no {part:?} in\n{log}");
     }
     assert!(fs::read_to_string(workspace.path("logs/k0.log")).unwrap() == log);
-}
-
-#[test]
-fn a_task_that_overruns_its_wall_time_is_told_as_such() {
-    let slurm = Slurm::start();
-    let cluster = slurm.cluster();
-    let workspace = slurm.workspace("w", "trap '' USR1; echo > \"$0/started\"; while :; do sleep 0.05; done");
-    let submission = workspace.submit(&cluster, "deaf", 1, None);
-    let task = submission.task(0).unwrap();
-    wait_for(&workspace.path("started"));
-    assert_eq!(states(&cluster, &submission), [TaskState::Running]);
-    slurm.set_end(task, "now");
-    assert_eq!(ends(&cluster, &submission), [TaskState::TimedOut]);
+    assert_eq!(ends(&cluster, &overrun), [TaskState::TimedOut]);
 }
