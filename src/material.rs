@@ -110,6 +110,21 @@ impl MaterialTable {
         self.pairs.iter_mut().flatten().for_each(|pair| pair.sliding_friction = 0.0);
     }
 
+    /// The table without the materials that are not `kept`, and without their pairs; numbers stay. `kept` has one entry a material.
+    #[must_use]
+    pub fn of_those(&self, kept: &[bool]) -> Self {
+        let is_kept = |index: usize| kept.get(index).is_none_or(|kept| *kept);
+        let count = self.materials.len();
+        let mut table = self.clone();
+        for (index, material) in table.materials.iter_mut().enumerate().filter(|(index, _)| !is_kept(*index)) {
+            *material = Material { name: index.to_string(), density: None, elasticity: None };
+        }
+        for (place, pair) in table.pairs.iter_mut().enumerate() {
+            *pair = pair.filter(|_| is_kept(place / count) && is_kept(place % count));
+        }
+        table
+    }
+
     /// The properties between `a` and `b`, where the scene gives them.
     #[must_use]
     pub fn pair(&self, a: u16, b: u16) -> Option<&PairProperties> {

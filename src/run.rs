@@ -10,27 +10,26 @@ pub mod gate_records;
 pub mod gates;
 mod load;
 mod picture;
+mod prepared;
 mod replicates;
 mod stage;
 mod streams;
 mod summary;
 
 use crate::backend::BackendError;
-use crate::backend::liggghts;
-use crate::backend::native::processor::Processor;
 use crate::backend::stage::Kick;
 use crate::exit_code;
 use crate::math::lanes::SimdLevel;
 use crate::output::progress::Verbosity;
 use crate::output::summary::Summary;
-use crate::plan::choose::{BackendVerdict, Capabilities, verdict};
-use crate::plan::{Plan, plan};
-use crate::scene::backend::BackendName;
-use crate::scene::{self, Finding, Scene};
+use crate::plan::Plan;
+use crate::scene::{Finding, Scene};
 use crate::stage::key::StageKey;
-use crate::stage::split::{StageJob, stage_jobs, whole_jobs, why_not_whole};
+use crate::stage::split::{StageJob, why_not_whole};
 use crate::storage::StorageError;
+pub use folder::name_of;
 use folder::{Claim, RunFolder};
+pub use prepared::{Prepared, prepare};
 use stage::{StageOrder, StageOutcome};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -116,6 +115,30 @@ impl RunError {
     }
 }
 
+impl std::fmt::Display for RunError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Scene(findings) => {
+                let place = |f: &Finding| if f.line > 0 { format!("{}:{}", f.file, f.line) } else { f.file.clone() };
+                let line = |finding: &Finding| format!("{}: {}; {}", place(finding), finding.what, finding.next);
+                write!(f, "{}", findings.iter().map(line).collect::<Vec<_>>().join("\n"))
+            }
+            Self::Refused(plan) => {
+                let texts: Vec<&str> = plan.findings.iter().map(|finding| finding.text.as_str()).collect();
+                write!(f, "the plan refuses this run: {}", texts.join("\n"))
+            }
+            Self::NoBackend(plan) => write!(f, "{}\nno backend can do what this scene needs", plan.to_text()),
+            Self::Folder(text) | Self::Stream(text) | Self::Request(text) => write!(f, "{text}"),
+            Self::StoppedBefore(reason) => {
+                write!(f, "this run was done before; nothing was computed. Then: {reason}")
+            }
+            Self::Backend(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
 impl From<BackendError> for RunError {
     fn from(error: BackendError) -> Self {
         Self::Backend(error)
@@ -133,7 +156,7 @@ impl From<StorageError> for RunError {
 /// # Errors
 /// See [`RunError`]. An unstable run leaves a readable folder and a summary that says so.
 pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
-    let out = request.out.clone().unwrap_or_else(|| Path::new("runs").join(folder::name_of(&request.scene)));
+    let out = request.out.clone().unwrap_or_else(|| Path::new("runs").join(name_of(&request.scene, "scene.toml")));
     if request.replicates > 1 {
         return replicates::run(request, &out, interrupted);
     }
@@ -142,25 +165,12 @@ pub fn run(request: &RunRequest, interrupted: &AtomicBool) -> Result<RunReport, 
 
 /// One run into the folder `out`; `draw` picks the particle that is kicked.
 fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBool) -> Result<RunReport, RunError> {
-    let (scene, warnings) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
-    // A scene that only replays stored streams has stages and no gate.
-    let is_cut = !(scene.gates.is_empty() && scene.stages.is_empty());
-    let jobs = match (is_cut, request.whole) {
-        (false, _) => vec![StageJob::uncut(&scene)],
-        (true, true) => whole_jobs(&scene),
-        (true, false) => stage_jobs(&scene),
-    };
-    let chosen = chosen(&jobs, &request.stages, request.whole)?;
-    let plan = accepted_plan(&scene, &jobs, request.force)?;
-    let order = StageOrder {
-        request,
-        plan: &plan,
-        processor: Processor::new(request.threads, request.simd),
-        kick: kick_of(request, draw),
-        warnings: [summary::warnings(&warnings, &plan), unlike_the_stages(&scene, &jobs, request)].concat(),
-        interrupted,
-    };
-    if !is_cut {
+    let mut prepared = prepare(request)?;
+    prepared.warnings.extend(unlike_the_stages(&prepared.scene, &prepared.jobs, request));
+    let (scene, jobs) = (&prepared.scene, &prepared.jobs);
+    let chosen = chosen(jobs, &request.stages, request.whole)?;
+    if !scene.is_cut() {
+        let order = prepared.order(request, kick_of(request, draw), interrupted);
         let outcome = stage::run(&order, &jobs[0], out, &[])?;
         return Ok(RunReport {
             folder: out.to_path_buf(),
@@ -169,16 +179,17 @@ fn run_once(request: &RunRequest, out: &Path, draw: u64, interrupted: &AtomicBoo
             summary: outcome.summary,
         });
     }
-    let key = StageKey::of_run(&scene, request.whole, request.perturb.map(|length| (length, draw)));
+    let order = prepared.order(request, kick_of(request, draw), interrupted);
+    let key = StageKey::of_run(scene, request.whole, request.perturb.map(|length| (length, draw)));
     let claim = if request.stages.is_empty() { Claim::new(request.resume) } else { Claim::Part };
     let folder = RunFolder::claim(out, &key, claim)?;
-    let (outcomes, failure) = run_stages(&order, &scene, &jobs, &chosen, out)?;
-    let summary = summary::of_stages(&order, &scene, &jobs, &outcomes);
+    let (outcomes, failure) = run_stages(&order, scene, jobs, &chosen, out)?;
+    let summary = summary::of_stages(&order, scene, jobs, &outcomes);
     summary.write(&folder.summary_path())?;
     if let Some(error) = failure {
         return Err(error);
     }
-    picture::draw_stages(&scene, &jobs, &outcomes, &summary, out)?;
+    picture::draw_stages(scene, jobs, &outcomes, &summary, out)?;
     Ok(RunReport {
         folder: out.to_path_buf(),
         was_done: outcomes.iter().all(|outcome| outcome.was_done),
@@ -196,11 +207,12 @@ fn run_stages(
     out: &Path,
 ) -> Result<(Vec<StageOutcome>, Option<RunError>), RunError> {
     let mut outcomes: Vec<Option<StageOutcome>> = Vec::new();
+    let mut places: Vec<PathBuf> = jobs.iter().map(|job| stage_folder(out, &job.name)).collect();
     let mut failure = None;
     for (index, job) in jobs.iter().enumerate() {
-        let place = stage_folder(out, &job.name);
+        let place = places[index].clone();
         outcomes.push(if chosen.contains(&index) {
-            let inputs = streams::inputs(scene, jobs, index, &outcomes, out, order.request.accept_stream)?;
+            let inputs = streams::inputs(scene, jobs, index, &places, order.request.accept_stream)?;
             match stage::run(order, job, &place, &inputs) {
                 Ok(outcome) => Some(outcome),
                 // What the stages before it brought is told with what went wrong.
@@ -213,6 +225,9 @@ fn run_stages(
         } else {
             stage::found(&job.name, &place)?
         });
+        if let Some(outcome) = &outcomes[index] {
+            places[index].clone_from(&outcome.folder);
+        }
         let ended = outcomes[index].as_ref().map(|outcome| outcome.summary.outcome.exit_code);
         if failure.is_some() || ended.is_some_and(|code| code != exit_code::DONE) {
             break;
@@ -254,22 +269,4 @@ fn chosen(jobs: &[StageJob], stages: &[String], whole: bool) -> Result<Vec<usize
         )));
     }
     Ok((0..jobs.len()).filter(|&index| stages.contains(&jobs[index].name)).collect())
-}
-
-/// The plan of a scene, unless it refuses, or a backend cannot do what it is to compute.
-fn accepted_plan(scene: &Scene, jobs: &[StageJob], force: bool) -> Result<Plan, RunError> {
-    let mut plan = plan(scene, None);
-    let verdicts = jobs.iter().map(|job| match job.backend {
-        BackendName::Native => verdict(&job.scene, &Capabilities::native()),
-        BackendName::Liggghts => liggghts::verdict(&job.scene, &job.records, &job.replays),
-    });
-    let failing: Vec<BackendVerdict> = verdicts.filter(|verdict| !verdict.can()).collect();
-    if !failing.is_empty() {
-        plan.backends = failing;
-        return Err(RunError::NoBackend(Box::new(plan)));
-    }
-    if plan.is_refused() && !force {
-        return Err(RunError::Refused(Box::new(plan)));
-    }
-    Ok(plan)
 }

@@ -2,7 +2,7 @@
 //!
 //! Marked commands (```` ```sh runnable ````) run in one temporary folder a page, in the page's order; a block that is called
 //! ```` ```toml NAME ```` is there under that name. A `toml` block that starts with `version` is a whole scene; any other is judged
-//! by what it says, not by what it leaves out.
+//! by what it says, not by what it leaves out. One that is called `campaign.toml` is a campaign, or a piece of one.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use regex::Regex;
@@ -120,6 +120,16 @@ fn wrong_scene(block: &str, base: &Path) -> Option<String> {
     (!wrong.is_empty()).then(|| wrong.join("\n"))
 }
 
+/// Why a block of a campaign is wrong, if it is; files that it names are beside those of the tests.
+fn wrong_campaign(block: &str) -> Option<String> {
+    let is_whole = block.lines().any(|line| line.starts_with("version"));
+    let text = if is_whole { block.to_owned() } else { format!("version = 1\n{block}") };
+    match tollgate::campaign::file::read_text(&text, &root().join("tests/campaigns/campaign.toml")) {
+        Ok(_) => None,
+        Err(error) => Some(error.to_string()),
+    }
+}
+
 #[test]
 fn commands_of_the_documentation_run() {
     let mut ran = 0;
@@ -145,7 +155,9 @@ fn scenes_of_the_documentation_are_read() {
     for page in pages() {
         for block in blocks_of(&page).iter().filter(|block| block.language.split(' ').next() == Some("toml")) {
             read += 1;
-            if let Some(wrong) = wrong_scene(&block.text, root()) {
+            let is_campaign = block.language.ends_with(" campaign.toml");
+            let wrong = if is_campaign { wrong_campaign(&block.text) } else { wrong_scene(&block.text, root()) };
+            if let Some(wrong) = wrong {
                 panic!("{}:{}:\n{wrong}", name_of(&page), block.line);
             }
         }

@@ -187,6 +187,7 @@ fn a_split_drifts_no_faster_than_chaos_carries_a_kick() {
             Layer { label: "largest of five kicked whole runs".to_owned(), colour: 1, marks: Marks::DashedLine(band) },
         ],
         caption: format!("Particles below the gate, {:.0} % of the crossings in contact.", 100.0 * contact),
+        ordered_colours: 0,
     };
     std::fs::write(root().join("docs/validation/gate-deviation.svg"), figure.to_svg()).unwrap();
     assert!(contact >= 0.3, "the gate is to be crossed in contact: {contact}");

@@ -1,5 +1,6 @@
 //! The command line: one file a subcommand; no physics.
 
+mod campaign;
 mod check;
 mod compare;
 mod deck;
@@ -36,6 +37,8 @@ enum Verb {
     Plan(plan::Arguments),
     /// Run a scene
     Run(run::Arguments),
+    /// Run many variants of a scene, every stage that they share once
+    Campaign(campaign::Arguments),
     /// Render the decks of an external code, without running them
     Deck(deck::Arguments),
     /// Compare two sets of runs: differences with 95 % intervals, and a verdict
@@ -151,6 +154,7 @@ pub fn main() -> ExitCode {
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Plan(arguments) => plan::run(&arguments),
         Verb::Run(arguments) => run::run(&arguments),
+        Verb::Campaign(arguments) => campaign::run(&arguments),
         Verb::Deck(arguments) => deck::run(&arguments),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Doctor(arguments) => doctor::run(&arguments),

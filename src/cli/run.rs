@@ -224,9 +224,6 @@ pub fn explain(scene: &SceneArguments, error: &RunError) -> String {
         RunError::Refused(plan) => {
             format!("{}\nthe plan refuses this run; change the scene as it says, or --force it", plan.to_text())
         }
-        RunError::NoBackend(plan) => format!("{}\nno backend can do what this scene needs", plan.to_text()),
-        RunError::Folder(text) | RunError::Stream(text) | RunError::Request(text) => text.clone(),
-        RunError::StoppedBefore(reason) => format!("this run was done before; nothing was computed. Then: {reason}"),
-        RunError::Backend(error) => error.to_string(),
+        other => other.to_string(),
     }
 }

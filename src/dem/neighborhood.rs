@@ -1,21 +1,22 @@
 //! The solver's knowledge of who is near whom, and when it must be renewed.
 
 use super::energy::Tally;
+use super::neighbor::cells::{CellLevels, Space};
+use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
-use super::neighbor::list::{Bodies, Images, InnerList, Memory, Remembered};
+use super::neighbor::list::{Bodies, Candidate, Images, InnerList, Memory, Remembered};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
-use super::neighbor::{cells::CellLevels, chunks::chunk_ranges};
-use super::particles::{Particles, Sphere, Velocity, asleep, largest_displacement, only_material};
-use super::simulation::Simulation;
+use super::particles::{Particles, Sphere, Velocity};
 use super::sleep::ChunkRest;
+use super::survey::{displacement_unless, only_material, radii};
+use super::threads::Threads;
 use super::wall::Walls;
 use super::wall_contacts::PartLoad;
-use super::wall_list::{NearParts, WallContact, WallList};
+use super::wall_list::{WallContact, WallList};
 use super::wall_search::Scratch;
 use crate::math::{Bounds, Vec3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use std::time::Instant;
 
 /// One fixed piece of work: a run of particles with their pairs and contacts.
 #[derive(Debug, Default)]
@@ -101,7 +102,7 @@ pub struct Neighborhood {
 /// Share of the outer skin that the inner list keeps: between 0.02 and 0.1 of a diameter no effect on speed was seen.
 const INNER_SHARE: f64 = 0.2;
 /// Share of a skin used up at which a list is renewed rather than measured again.
-const RENEW_SHARE: f64 = 0.5;
+pub(super) const RENEW_SHARE: f64 = 0.5;
 
 impl Neighborhood {
     /// Nothing known yet.
@@ -146,7 +147,10 @@ impl Neighborhood {
     pub fn for_each_near(&self, position: &Vec3, radius: f64, mut visit: impl FnMut(u32, Vec3)) {
         for grid in &self.cells.grids {
             let reach = radius + grid.largest_radius + self.moved_since_outer;
-            grid.for_each_near(position, reach, |member, shift| visit(member, grid.image_offset(shift)));
+            grid.for_each_run(position, reach, 0, |members, shift| {
+                let offset = grid.image_offset(shift);
+                members.iter().for_each(|&member| visit(member, offset));
+            });
         }
     }
 
@@ -156,80 +160,74 @@ impl Neighborhood {
         self.smallest_radius
     }
 
-    /// The order of storage: level by level, cell by cell.
-    fn storage_order(&self, spheres: &[Sphere]) -> Vec<u32> {
-        let cells = CellLevels::new(spheres, self.settings.skin, &self.settings.domain, self.settings.periodic);
-        if let [only] = cells.grids.as_slice() {
-            return only.in_cell_order().to_vec();
-        }
-        // Mixed sizes: sort by the cells of the finest level's grid laid over all particles, so that neighbours of any size
-        // lie close.
-        let all: Vec<u32> = (0..spheres.len() as u32).collect();
-        let edge = cells.grids.first().map_or(1.0, |grid| 2.0 * grid.largest_radius + self.settings.skin);
-        super::neighbor::cells::CellGrid::new(spheres, &all, edge, &self.settings.domain, self.settings.periodic)
-            .in_cell_order()
-            .to_vec()
+    /// The order in which to store the particles, `order[new] = old`, and their cells then.
+    pub(super) fn storage_order(&self, spheres: &[Sphere], threads: &Threads) -> (CellLevels, Vec<u32>) {
+        let (space, skin) = (self.space(threads), self.settings.skin);
+        CellLevels::new(spheres, skin, &space).in_storage_order(spheres, skin, &space)
     }
 
-    /// Makes both lists anew for particles in their final order; `old_index[new]` says where a particle stood in the lists that
-    /// `held` was gathered from.
-    fn make_lists(
+    const fn space<'a>(&'a self, threads: &'a Threads) -> Space<'a> {
+        Space { domain: &self.settings.domain, periodic: self.settings.periodic, threads }
+    }
+
+    /// Makes both lists anew for particles in their final order, in these cells and with these asleep, each pair with the memory that
+    /// `recall(owner, partner)` gives.
+    pub(super) fn make_lists(
         &mut self,
-        spheres: &[Sphere],
-        velocities: &[Velocity],
-        old_index: &[u32],
-        held: &HeldMemory,
-        threads: &super::threads::Threads,
+        (spheres, velocities): (&[Sphere], &[Velocity]),
+        cells: CellLevels,
+        asleep: Vec<bool>,
+        threads: &Threads,
+        recall: impl Fn(u32, u32) -> Memory + Sync,
     ) {
-        self.chunks.clear(); // What is worth keeping of them is in `held`: their memory is free for the new ones.
-        self.cells = CellLevels::new(spheres, self.settings.skin, &self.settings.domain, self.settings.periodic);
+        self.chunks.clear(); // Their memory is free for the new ones.
+        self.cells = cells;
+        self.listed_asleep = asleep;
         let ranges = chunk_ranges(spheres.len());
         let found = find_candidates(spheres, &self.cells, &ranges, self.settings.skin, threads);
-        let chunk = |(range, candidates): (Range<usize>, ChunkCandidates)| {
-            let has_prescribed = velocities[range.clone()].iter().any(|velocity| velocity.path.is_prescribed());
-            Chunk { range, candidates, has_prescribed, ..Chunk::default() }
-        };
+        let chunk = |(range, candidates)| Chunk { range, candidates, ..Chunk::default() };
         self.chunks = ranges.into_iter().zip(found).map(chunk).collect();
-        self.outer_reference = spheres.iter().map(|sphere| sphere.centre).collect();
-        self.smallest_radius = spheres.iter().map(|sphere| sphere.radius).fold(f64::INFINITY, f64::min);
-        self.only_material = only_material(velocities);
+        threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
+            let mut own = velocities[chunk.range.clone()].iter();
+            chunk.has_prescribed = own.any(|velocity| velocity.path.is_prescribed());
+        });
+        self.outer_reference = threads.collect(spheres.len(), |index| spheres[index].centre);
+        self.smallest_radius = radii(spheres, threads)[0];
+        self.only_material = only_material(velocities, threads);
         self.moved_since_outer = 0.0;
         self.generation += 1;
-        self.listed_asleep = asleep(velocities);
-        self.prune_with(spheres, velocities, threads, |_, owner, candidate| {
-            held.of(old_index[owner as usize], old_index[candidate.partner as usize])
-        });
+        self.prune_with(spheres, velocities, threads, recall);
     }
 
     /// Whether others sleep than when the inner lists were made.
-    pub(super) fn lists_others_asleep(&self, velocities: &[Velocity]) -> bool {
-        self.listed_asleep != asleep(velocities)
+    pub(super) fn lists_others_asleep(&self, asleep: &[bool]) -> bool {
+        self.listed_asleep != asleep
     }
 
-    /// Makes the inner lists from the outer ones, each pair with the memory that `recall(place, owner, candidate)` gives.
+    /// Makes the inner lists from the outer ones, each pair with the memory that `recall(owner, partner)` gives.
     fn prune_with(
         &mut self,
         spheres: &[Sphere],
         velocities: &[Velocity],
-        threads: &super::threads::Threads,
-        recall: impl Fn(u32, u32, super::neighbor::list::Candidate) -> Memory + Sync,
+        threads: &Threads,
+        recall: impl Fn(u32, u32) -> Memory + Sync,
     ) {
         let (skin, remembered) = (self.inner_skin, self.settings.remembered());
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
+        let recall = |_, owner, candidate: Candidate| recall(owner, candidate.partner);
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, .. } = chunk;
             for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
-                *inner = outer.pruned(bodies, skin, remembered, &recall, std::mem::take(inner));
+                *inner = outer.pruned(bodies, skin, remembered, recall, std::mem::take(inner));
             }
         });
-        self.inner_reference = spheres.iter().map(|sphere| sphere.centre).collect();
-        self.moved_since_inner = 0.0;
+        self.note_inner_reference(spheres, threads);
     }
 
-    /// Makes the inner lists from the outer ones anew, memories kept.
-    fn prune(&mut self, spheres: &[Sphere], velocities: &[Velocity], threads: &super::threads::Threads) {
+    /// Makes the inner lists from the outer ones anew, with these asleep; memories are kept.
+    pub(super) fn prune(&mut self, spheres: &[Sphere], velocities: &[Velocity], asleep: Vec<bool>, threads: &Threads) {
         let (skin, remembered) = (self.inner_skin, self.settings.remembered());
-        self.listed_asleep = asleep(velocities);
+        self.listed_asleep = asleep;
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, worn, .. } = chunk;
@@ -238,8 +236,35 @@ impl Neighborhood {
                 *worn = std::mem::replace(inner, next);
             }
         });
-        self.inner_reference = spheres.iter().map(|sphere| sphere.centre).collect();
+        self.note_inner_reference(spheres, threads);
+    }
+
+    fn note_inner_reference(&mut self, spheres: &[Sphere], threads: &Threads) {
+        self.inner_reference = threads.collect(spheres.len(), |index| spheres[index].centre);
         self.moved_since_inner = 0.0;
+    }
+
+    /// Whether the inner lists are too old to go on with. Displacements are measured where the bound on them allows no answer.
+    pub(super) fn inner_is_worn(&mut self, spheres: &[Sphere], threads: &Threads) -> bool {
+        if 2.0 * self.moved_since_inner <= self.inner_skin {
+            return false;
+        }
+        let limit = RENEW_SHARE * self.inner_skin;
+        let moved = displacement_unless(spheres, &self.inner_reference, threads, |moved| 2.0 * moved > limit);
+        self.moved_since_inner = moved.unwrap_or(self.moved_since_inner);
+        moved.is_none()
+    }
+
+    /// Whether the outer lists are too old to make inner ones from. Displacements are measured likewise.
+    pub(super) fn outer_is_worn(&mut self, spheres: &[Sphere], threads: &Threads) -> bool {
+        let (inner_skin, skin) = (self.inner_skin, self.settings.skin);
+        let is_far = |moved: f64| 2.0 * moved + inner_skin > skin;
+        if !is_far(self.moved_since_outer) {
+            return false;
+        }
+        let moved = displacement_unless(spheres, &self.outer_reference, threads, is_far);
+        self.moved_since_outer = moved.unwrap_or(self.moved_since_outer);
+        moved.is_none()
     }
 
     /// Says that the particle stored at `index` has become prescribed.
@@ -248,8 +273,10 @@ impl Neighborhood {
         self.chunks[number].has_prescribed = true;
     }
 
-    fn gather_memory(&self, count: usize) -> HeldMemory {
-        HeldMemory::gather(count, self.chunks.iter().map(|chunk| (&chunk.own, &chunk.cross)))
+    /// What the contacts remember, by the present storage order.
+    pub(super) fn gather_memory(&self, threads: &Threads) -> HeldMemory {
+        let lists = self.chunks.iter().map(|chunk| (chunk.range.clone(), [&chunk.own, &chunk.cross]));
+        HeldMemory::gather(&lists.collect::<Vec<_>>(), threads)
     }
 
     /// Drops the contacts with parts that `gone` picks, with their memory.
@@ -339,152 +366,18 @@ impl Neighborhood {
         [outer_reference, inner_reference]: [Vec<[f64; 3]>; 2],
         listed_asleep: &[u32],
         bounds: [f64; 3],
-        threads: &super::threads::Threads,
+        threads: &Threads,
     ) {
         let placed = |centres: &[[f64; 3]]| -> Vec<Sphere> {
             particles.spheres.iter().zip(centres).map(|(s, c)| Sphere { centre: *c, radius: s.radius }).collect()
         };
-        let (order, velocities) = ((0..particles.len() as u32).collect::<Vec<u32>>(), particles.laws_velocities());
-        self.make_lists(&placed(&outer_reference), velocities, &order, &HeldMemory::default(), threads);
-        // Ascending, as they were written.
-        let listed = |index: &u32| listed_asleep.binary_search(index).is_ok();
-        self.listed_asleep = if listed_asleep.is_empty() { Vec::new() } else { order.iter().map(listed).collect() };
-        self.prune_with(&placed(&inner_reference), velocities, threads, |_, _, _| Memory::NONE);
+        let mut asleep = vec![false; if listed_asleep.is_empty() { 0 } else { particles.len() }];
+        listed_asleep.iter().for_each(|&index| asleep[index as usize] = true);
+        let (outer, velocities) = (placed(&outer_reference), particles.laws_velocities());
+        let cells = CellLevels::new(&outer, self.settings.skin, &self.space(threads));
+        self.make_lists((&outer, velocities), cells, asleep, threads, |_, _| Memory::NONE);
+        self.prune_with(&placed(&inner_reference), velocities, threads, |_, _| Memory::NONE);
         // Nobody has collected the elements of parts for these lists yet.
         self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
-    }
-}
-
-impl Simulation {
-    /// Renews what has become too old, after the particles moved and before contacts are computed.
-    pub(super) fn refresh_neighborhood(&mut self) {
-        let started = Instant::now();
-        let neighborhood = &mut self.neighborhood;
-        if 2.0 * neighborhood.moved_since_inner > neighborhood.inner_skin {
-            let moved = largest_displacement(&self.particles.spheres, &neighborhood.inner_reference);
-            neighborhood.moved_since_inner = moved;
-            if 2.0 * moved > RENEW_SHARE * neighborhood.inner_skin {
-                self.renew_lists();
-            }
-        }
-        if self.neighborhood.approached_walls > self.neighborhood.settings.skin {
-            self.collect_wall_candidates();
-        }
-        self.phases.neighborhood += started.elapsed();
-    }
-
-    /// Makes the inner lists anew, and the outer ones too where these are too old for that.
-    pub(super) fn renew_lists(&mut self) {
-        let (neighborhood, spheres) = (&mut self.neighborhood, &self.particles.spheres);
-        let far = largest_displacement(spheres, &neighborhood.outer_reference);
-        neighborhood.moved_since_outer = far;
-        if 2.0 * far + neighborhood.inner_skin > neighborhood.settings.skin {
-            self.rebuild_neighborhood();
-        } else {
-            neighborhood.prune(spheres, self.particles.laws_velocities(), &self.threads);
-        }
-    }
-
-    /// Sorts the particles into storage order and makes every list anew, contact memories kept.
-    pub(super) fn rebuild_neighborhood(&mut self) {
-        self.wrap_periodic();
-        let count = self.particles.len();
-        // Newcomers stand at the end of the list: no memory is held for them.
-        let held = self.neighborhood.gather_memory(count);
-        let order = self.neighborhood.storage_order(&self.particles.spheres);
-        self.particles.reorder(&order);
-        let walls = self.take_wall_contacts(&order);
-        let near = self.take_wall_candidates();
-        let (spheres, velocities) = (&self.particles.spheres, self.particles.laws_velocities());
-        self.neighborhood.make_lists(spheres, velocities, &order, &held, &self.threads);
-        self.give_wall_candidates(&near, &order);
-        self.give_wall_contacts(&walls);
-    }
-
-    /// Drops the particles that `keep` refuses, and makes every list anew.
-    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        let count = self.particles.len();
-        let held = self.neighborhood.gather_memory(count);
-        let kept: Vec<u32> = (0..count as u32).filter(|&index| keep(index as usize)).collect();
-        self.particles.reorder(&kept);
-        self.wrap_periodic();
-        let order = self.neighborhood.storage_order(&self.particles.spheres);
-        self.particles.reorder(&order);
-        let from_old: Vec<u32> = order.iter().map(|&index| kept[index as usize]).collect();
-        let walls = self.take_wall_contacts(&from_old);
-        let near = self.take_wall_candidates();
-        let (spheres, velocities) = (&self.particles.spheres, self.particles.laws_velocities());
-        self.neighborhood.make_lists(spheres, velocities, &from_old, &held, &self.threads);
-        self.give_wall_candidates(&near, &from_old);
-        self.give_wall_contacts(&walls);
-    }
-
-    /// All contacts with parts, renumbered: `old_index[new] = old`. Sorted by the new numbers.
-    fn take_wall_contacts(&mut self, old_index: &[u32]) -> Vec<WallContact> {
-        let mut new_index = vec![u32::MAX; old_index.iter().map(|&old| old as usize + 1).max().unwrap_or(0)];
-        old_index.iter().enumerate().for_each(|(new, &old)| new_index[old as usize] = new as u32);
-        let renumbered = |contact: WallContact| {
-            let new = new_index.get(contact.particle as usize).filter(|&&new| new != u32::MAX);
-            new.map(|&particle| WallContact { particle, ..contact })
-        };
-        let held = self.neighborhood.chunks.iter().flat_map(|chunk| chunk.walls.contacts());
-        let mut contacts: Vec<WallContact> = held.filter_map(renumbered).collect();
-        contacts.sort_by_key(|contact| contact.particle);
-        contacts
-    }
-
-    /// Hands contacts with parts, sorted by particle, to the chunks.
-    pub(super) fn give_wall_contacts(&mut self, contacts: &[WallContact]) {
-        let parts = self.setup.parts.len();
-        let mut contacts = contacts.iter().peekable();
-        for chunk in &mut self.neighborhood.chunks {
-            let end = chunk.range.end as u32;
-            while let Some(contact) = contacts.next_if(|contact| contact.particle < end) {
-                chunk.walls.hold(&self.walls, contact);
-            }
-            chunk.part_loads = vec![PartLoad::default(); parts];
-        }
-    }
-
-    /// The elements of parts near each particle, and how many particles there were when the lists were made.
-    fn take_wall_candidates(&mut self) -> (Vec<WallList>, usize) {
-        let count = self.neighborhood.chunks.last().map_or(0, |chunk| chunk.range.end);
-        (self.neighborhood.chunks.iter_mut().map(|chunk| std::mem::take(&mut chunk.walls)).collect(), count)
-    }
-
-    /// Goes on with the elements near each particle, renumbered: `old_index[new] = old`. Those of newcomers, and all where much
-    /// of the skin is used up or a particle may have gone round a periodic border, are collected.
-    fn give_wall_candidates(&mut self, (held, count): &(Vec<WallList>, usize), old_index: &[u32]) {
-        let ListSettings { skin, periodic, .. } = self.neighborhood.settings;
-        if periodic != [false; 3] || self.neighborhood.approached_walls > RENEW_SHARE * skin {
-            self.collect_wall_candidates();
-            return;
-        }
-        let near = NearParts::new(held, *count);
-        let (spheres, walls) = (&self.particles.spheres, &self.walls);
-        self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
-            let mut found = Vec::new();
-            for index in chunk.range.clone() {
-                if let Some(known) = near.of(old_index[index] as usize) {
-                    chunk.walls.push(walls, index, known);
-                } else {
-                    let sphere = &spheres[index];
-                    walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
-                    chunk.walls.push(walls, index, &found);
-                }
-            }
-        });
-    }
-
-    /// Collects the elements of parts near each particle; contacts are kept.
-    pub(super) fn collect_wall_candidates(&mut self) {
-        let skin = self.neighborhood.settings.skin;
-        let (spheres, walls) = (&self.particles.spheres, &self.walls);
-        self.threads.for_each(self.neighborhood.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
-            let held = chunk.walls.contacts();
-            chunk.walls = WallList::collect(spheres, walls, chunk.range.clone(), skin);
-            held.iter().for_each(|contact| chunk.walls.hold(walls, contact));
-        });
-        self.neighborhood.approached_walls = 0.0;
     }
 }

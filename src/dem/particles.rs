@@ -1,6 +1,7 @@
 //! Storage of the particles: records in the order of the cells, so that neighbours lie close in memory.
 
 use super::integrate::Correction;
+use super::threads::Threads;
 use crate::math::{Vec3, vec3};
 use crate::particle::{Body, ParticleId, ParticleState};
 use std::borrow::Cow;
@@ -377,18 +378,18 @@ impl Particles {
     }
 
     /// Puts the particles into a new order, `order[new] = old`; drops those that `order` does not name.
-    pub fn reorder(&mut self, order: &[u32]) {
-        fn pick<T: Copy>(list: &mut Vec<T>, order: &[u32]) {
-            *list = order.iter().map(|&old| list[old as usize]).collect();
+    pub fn reorder(&mut self, order: &[u32], threads: &Threads) {
+        fn pick<T: Copy + Send + Sync>(list: &mut Vec<T>, order: &[u32], threads: &Threads) {
+            *list = threads.collect(order.len(), |new| list[order[new] as usize]);
         }
-        pick(&mut self.spheres, order);
-        pick(&mut self.velocities, order);
-        pick(&mut self.loads, order);
-        pick(&mut self.accelerations, order);
-        pick(&mut self.ids, order);
-        pick(&mut self.densities, order);
+        pick(&mut self.spheres, order, threads);
+        pick(&mut self.velocities, order, threads);
+        pick(&mut self.loads, order, threads);
+        pick(&mut self.accelerations, order, threads);
+        pick(&mut self.ids, order, threads);
+        pick(&mut self.densities, order, threads);
         if !self.calm_looks.is_empty() {
-            pick(&mut self.calm_looks, order);
+            pick(&mut self.calm_looks, order, threads);
         }
     }
 
@@ -405,28 +406,4 @@ impl Particles {
     pub fn mass(&self, index: usize) -> f64 {
         1.0 / self.velocities[index].inverse_mass
     }
-}
-
-/// The material that all particles have, where it is one.
-#[must_use]
-pub fn only_material(velocities: &[Velocity]) -> Option<u32> {
-    let first = velocities.first()?.material;
-    velocities.iter().all(|velocity| velocity.material == first).then_some(first)
-}
-
-/// Who sleeps; empty where nobody does.
-#[must_use]
-pub fn asleep(velocities: &[Velocity]) -> Vec<bool> {
-    let asleep = |velocity: &Velocity| velocity.path == Path::Asleep;
-    if velocities.iter().any(asleep) { velocities.iter().map(asleep).collect() } else { Vec::new() }
-}
-
-/// Largest distance between where the particles are and where they were [m].
-pub(super) fn largest_displacement(spheres: &[Sphere], reference: &[[f64; 3]]) -> f64 {
-    let square = spheres
-        .iter()
-        .zip(reference)
-        .map(|(sphere, old)| (sphere.position() - Vec3::from(*old)).norm_squared())
-        .fold(0.0, f64::max);
-    square.sqrt()
 }

@@ -116,10 +116,18 @@ impl Simulation {
             }
         }
         // Pairs at rest stand together in the lists, so that whole blocks of them are at rest.
-        if self.neighborhood.lists_others_asleep(self.particles.laws_velocities()) {
+        if self.neighborhood.lists_others_asleep(&self.sleepers()) {
             self.renew_lists();
         }
         self.phases.integration += started.elapsed();
+    }
+
+    /// Who sleeps; empty where nobody does.
+    pub(super) fn sleepers(&self) -> Vec<bool> {
+        let velocities = self.particles.laws_velocities();
+        let asleep = |velocity: &Velocity| velocity.path == Path::Asleep;
+        let some = self.setup.sleeping.is_some() && velocities.iter().any(asleep);
+        if some { velocities.iter().map(asleep).collect() } else { Vec::new() }
     }
 
     fn lay_down(&mut self, index: usize) {

@@ -14,6 +14,7 @@ use super::meeting::ContactScene;
 use super::neighborhood::Chunk;
 use super::pair_contacts::PairKernel;
 use super::particles::{Load, MotionLists};
+use super::pieces::split_at_ranges;
 use super::simulation::{Setup, Simulation};
 use super::wall_contacts::{PartLoad, WallKernel};
 use super::wall_search::WallSearch;
@@ -21,17 +22,6 @@ use crate::math::Vec3;
 use crate::math::lanes::{LaneWork, Lanes, at_level};
 use std::ops::Range;
 use std::time::Instant;
-
-/// Splits a list at the chunks' borders.
-fn split_at_chunks<T>(mut list: &mut [T], ranges: impl Iterator<Item = Range<usize>>) -> Vec<&mut [T]> {
-    let mut pieces = Vec::new();
-    for range in ranges {
-        let (piece, rest) = list.split_at_mut(range.len());
-        pieces.push(piece);
-        list = rest;
-    }
-    pieces
-}
 
 impl Simulation {
     /// Share of a dt that the contact laws' velocities are ahead of the last full step.
@@ -66,9 +56,9 @@ impl Simulation {
         let (domain, simd) = (border_rows(&self.setup.domain, self.setup.periodic), self.setup.simd);
         let MotionLists { spheres, velocities, accelerations, loads } = self.particles.kept_lists();
         let loads = &*loads;
-        let spheres = split_at_chunks(spheres, ranges.iter().cloned());
-        let velocities = split_at_chunks(velocities, ranges.iter().cloned());
-        let accelerations = split_at_chunks(accelerations, ranges.iter().cloned());
+        let spheres = split_at_ranges(spheres, ranges.iter().cloned());
+        let velocities = split_at_ranges(velocities, ranges.iter().cloned());
+        let accelerations = split_at_ranges(accelerations, ranges.iter().cloned());
         let chunks = self.neighborhood.chunks.iter();
         let work = chunks.zip(spheres).zip(velocities).zip(accelerations).zip(&mut notes).collect();
         let changes = self.sleep_changes;
@@ -127,7 +117,7 @@ impl Simulation {
         let (scene, walls, simd) = (&scene, &self.walls, self.setup.simd);
         let approached = self.neighborhood.approached_walls;
         let ranges: Vec<_> = self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect();
-        let loads = split_at_chunks(loads, ranges.into_iter());
+        let loads = split_at_ranges(loads, ranges.into_iter());
         let work: Vec<(&mut Chunk, &mut [Load])> = self.neighborhood.chunks.iter_mut().zip(loads).collect();
         self.threads.for_each(work, |(chunk, loads): (&mut Chunk, &mut [Load])| {
             chunk.tally = super::energy::Tally::default();
@@ -203,8 +193,8 @@ impl Simulation {
         let mut notes: Vec<StepNote> = self.neighborhood.chunks.iter().map(unbalanced).collect();
         let MotionLists { spheres, velocities, accelerations, loads } = self.particles.kept_lists();
         let (spheres, loads) = (&*spheres, &*loads);
-        let velocities = split_at_chunks(velocities, ranges.iter().cloned());
-        let accelerations = split_at_chunks(accelerations, ranges.iter().cloned());
+        let velocities = split_at_ranges(velocities, ranges.iter().cloned());
+        let accelerations = split_at_ranges(accelerations, ranges.iter().cloned());
         let work = self.neighborhood.chunks.iter().zip(velocities).zip(accelerations).zip(&mut notes).collect();
         let (simd, sleep) = (self.setup.simd, self.setup.sleeping.as_ref());
         self.threads.for_each(work, |(((chunk, velocities), accelerations), note)| {

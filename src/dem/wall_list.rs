@@ -8,6 +8,8 @@
 
 use super::neighbor::list::{Memory, PairMemory};
 use super::particles::Sphere;
+use super::pieces::add_up;
+use super::threads::Threads;
 use super::wall::{Candidate, NearElements, Plane, WallPoint, Walls};
 use crate::math::Vec3;
 use crate::math::lanes::MOST_LANES;
@@ -73,51 +75,65 @@ pub(super) struct Places {
     pub(super) overlaps: Vec<f64>,
 }
 
-/// The elements of all parts near each particle.
-pub(super) struct NearParts {
+/// The elements of all parts near each particle, chunk by chunk, ascending.
+pub(super) struct NearParts(Vec<ChunkParts>);
+
+/// Those near the particles of one chunk.
+struct ChunkParts {
+    range: Range<usize>,
     /// Where each particle's begin, and where the last one's end.
     starts: Vec<usize>,
     candidates: Vec<Candidate>,
 }
 
 impl NearParts {
-    /// Of the `count` particles in the lists of all chunks.
-    pub(super) fn new(lists: &[WallList], count: usize) -> Self {
-        let mut starts = vec![0; count + 1];
-        lists.iter().flat_map(WallList::rows).for_each(|(index, near)| starts[index + 1] += near.len());
-        for index in 0..count {
-            starts[index + 1] += starts[index];
-        }
-        let mut ends = starts.clone();
-        let mut candidates = vec![Candidate { part: 0, element: 0 }; starts[count]];
-        for (index, near) in lists.iter().flat_map(WallList::rows) {
-            candidates[ends[index]..][..near.len()].copy_from_slice(near);
-            ends[index] += near.len();
-        }
-        Self { starts, candidates }
+    /// Of the particles in the chunks' lists.
+    pub(super) fn new(lists: &[(Range<usize>, WallList)], threads: &Threads) -> Self {
+        Self(threads.map(lists.len(), |number| ChunkParts::new(&lists[number].0, &lists[number].1)))
     }
 
     /// The elements near the particle stored at `index`, by part; `None` where the lists did not know it.
     pub(super) fn of(&self, index: usize) -> Option<&[Candidate]> {
-        Some(&self.candidates[*self.starts.get(index)?..*self.starts.get(index + 1)?])
+        self.0.get(self.0.partition_point(|chunk| chunk.range.end <= index)).map(|chunk| chunk.of(index))
+    }
+}
+
+impl ChunkParts {
+    fn new(range: &Range<usize>, list: &WallList) -> Self {
+        let mut starts = vec![0; range.len() + 1];
+        list.rows().for_each(|(index, near)| starts[index - range.start + 1] += near.len());
+        add_up(&mut starts);
+        let mut ends = starts.clone();
+        let mut candidates = vec![Candidate { part: 0, element: 0 }; starts[range.len()]];
+        for (index, near) in list.rows() {
+            let end = &mut ends[index - range.start];
+            candidates[*end..][..near.len()].copy_from_slice(near);
+            *end += near.len();
+        }
+        Self { range: range.clone(), starts, candidates }
+    }
+
+    fn of(&self, index: usize) -> &[Candidate] {
+        let row = index - self.range.start;
+        &self.candidates[self.starts[row]..self.starts[row + 1]]
     }
 }
 
 impl WallList {
     /// Collects every element within `skin` [m] of the surface of the particles in `range`.
     #[must_use]
-    pub fn collect(spheres: &[Sphere], walls: &Walls, range: Range<usize>, skin: f64) -> Self {
+    pub fn collect(spheres: &[Sphere], walls: &Walls, range: &Range<usize>, skin: f64) -> Self {
         let mut result = Self::default();
         let mut found = Vec::new();
-        for index in range {
-            let sphere = &spheres[index];
-            walls.candidates(&sphere.position(), sphere.radius + skin, &mut found);
-            result.push(walls, index, &found);
+        for part in walls.present_parts() {
+            walls.candidates_of(part, &spheres[range.clone()], skin, &mut found, |place, found| {
+                result.push(walls, range.start + place, found);
+            });
         }
         result
     }
 
-    /// Adds the elements near the particle stored at `index`, which follows all that are here.
+    /// Adds the elements near the particle stored at `index`, which follows all that are here of the same parts.
     pub fn push(&mut self, walls: &Walls, index: usize, found: &[Candidate]) {
         for group in found.chunk_by(|a, b| a.part == b.part) {
             self.part(walls, group[0].part).push(index as u32, group);

@@ -11,5 +11,6 @@ pub mod pvd;
 pub mod series;
 pub mod stream_export;
 pub mod summary;
+pub mod tally;
 pub mod timing;
 pub mod vtp;

@@ -1,6 +1,6 @@
 //! A figure with axes: lines, bands and points.
 
-use super::colour::{hexadecimal, series};
+use super::colour::{Colour, hexadecimal, magnitude, series};
 use super::svg::{Anchor, Document, FONT_SIZE, LINE_HEIGHT, number, round_ticks, wrapped};
 
 /// Width of a figure [px].
@@ -21,6 +21,8 @@ pub struct Figure {
     pub y: Axis,
     /// What is drawn, from back to front.
     pub layers: Vec<Layer>,
+    /// So many colours in the order of a magnitude, dark to light; 0 for colours that are merely different.
+    pub ordered_colours: usize,
     /// Caption below the plot.
     pub caption: String,
 }
@@ -105,7 +107,7 @@ impl Figure {
             ".f{fill:none;stroke:#222;stroke-width:1}.g{fill:none;stroke:#e4e4e4;stroke-width:1}\n.t{font-weight:bold}\n",
         );
         for layer in &self.layers {
-            let (n, colour) = (layer.colour, hexadecimal(series(layer.colour)));
+            let (n, colour) = (layer.colour, hexadecimal(self.colour(layer.colour)));
             let rule = format!(
                 ".l{n},.d{n}{{fill:none;stroke:{colour};stroke-width:1.8;stroke-linejoin:round}}.d{n}{{stroke-dasharray:7 4}}\
                  .b{n}{{fill:{colour};opacity:.22}}.p{n}{{fill:{colour};stroke:#fff;stroke-width:.7}}\
@@ -116,6 +118,15 @@ impl Figure {
             }
         }
         style
+    }
+
+    fn colour(&self, number: usize) -> Colour {
+        if self.ordered_colours == 0 {
+            return series(number);
+        }
+        // The yellow end is too pale for thin lines on white.
+        let share = number as f64 / (self.ordered_colours - 1).max(1) as f64;
+        magnitude(0.9 * share)
     }
 
     /// All drawable values on an axis, 0 for x and 1 for y.
@@ -277,6 +288,7 @@ mod tests {
             y: Axis { label: "mass [kg]".into(), range: None, logarithmic },
             layers: layers.map(|(k, marks)| Layer { label: format!("series {k}"), colour: k, marks }).collect(),
             caption: "word ".repeat(60),
+            ordered_colours: 0,
         }
         .to_svg()
     }

@@ -1,12 +1,12 @@
 //! Decks of external codes, rendered and not run.
 
-use super::{RunError, chosen, folder, streams};
+use super::prepared::{Prepared, prepare};
+use super::{RunError, RunRequest, chosen, name_of, stage_folder, streams};
 use crate::backend::liggghts;
 use crate::backend::stage::StageRequest;
 use crate::output::progress::Verbosity;
-use crate::scene;
 use crate::scene::backend::BackendName;
-use crate::stage::split::{StageJob, stage_jobs, take_events, whole_jobs};
+use crate::stage::split::take_events;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -45,13 +45,13 @@ pub struct RenderedCase {
 /// # Errors
 /// When the scene is wrong, a stream is missing, or the code cannot do what a stage needs.
 pub fn render(request: &DeckRequest) -> Result<Vec<RenderedCase>, RunError> {
-    let (scene, _) = scene::read(&request.scene, &request.settings).map_err(RunError::Scene)?;
-    let is_cut = !(scene.gates.is_empty() && scene.stages.is_empty());
-    let jobs = match (is_cut, request.whole) {
-        (false, _) => vec![StageJob::uncut(&scene)],
-        (true, true) => whole_jobs(&scene),
-        (true, false) => stage_jobs(&scene),
+    let asked = RunRequest {
+        scene: request.scene.clone(),
+        settings: request.settings.clone(),
+        whole: request.whole,
+        ..RunRequest::default()
     };
+    let Prepared { scene, plan, jobs, .. } = prepare(&asked)?;
     let wanted = chosen(&jobs, &request.stages, request.whole)?;
     let external: Vec<usize> = wanted.into_iter().filter(|&index| jobs[index].backend != BackendName::Native).collect();
     if external.is_empty() {
@@ -60,12 +60,12 @@ pub fn render(request: &DeckRequest) -> Result<Vec<RenderedCase>, RunError> {
                 .to_owned(),
         ));
     }
-    let plan = super::accepted_plan(&scene, &jobs, false)?;
-    let run = request.run.clone().unwrap_or_else(|| Path::new("runs").join(folder::name_of(&request.scene)));
+    let run = request.run.clone().unwrap_or_else(|| Path::new("runs").join(name_of(&request.scene, "scene.toml")));
+    let places: Vec<PathBuf> = jobs.iter().map(|job| stage_folder(&run, &job.name)).collect();
     let mut cases = Vec::new();
     for index in external {
         let mut job = jobs[index].clone();
-        let inputs = streams::inputs(&scene, &jobs, index, &[], &run, request.accept_stream)?;
+        let inputs = streams::inputs(&scene, &jobs, index, &places, request.accept_stream)?;
         let events: Vec<_> = inputs.iter().flat_map(streams::StreamInput::events).collect();
         take_events(&mut job.scene, &job.upstream_parts, &events);
         let place = request.out.join(&job.name);

@@ -42,11 +42,11 @@ pub struct RunFolder {
     _lock: Option<File>,
 }
 
-/// Name of the default folder: that of the scene's folder or file.
-pub fn name_of(scene: &Path) -> String {
-    let full = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    let named =
-        if full.file_name().is_some_and(|name| name == "scene.toml") { full.parent() } else { Some(full.as_path()) };
+/// What a run or a campaign is called after: the folder of a file called `usual`, or another file.
+#[must_use]
+pub fn name_of(file: &Path, usual: &str) -> String {
+    let full = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
+    let named = if full.file_name().is_some_and(|name| name == usual) { full.parent() } else { Some(full.as_path()) };
     let stem = named.and_then(Path::file_stem);
     stem.map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
@@ -91,6 +91,7 @@ impl RunFolder {
         }
         let content = json!({
             "key": key.key, "outputs_key": key.outputs_key, "tollgate_version": env!("CARGO_PKG_VERSION"), "content": key.content,
+            "outputs": key.outputs,
         });
         write_whole(&record, format!("{content}\n").as_bytes())?;
         Ok(folder)

@@ -79,7 +79,9 @@ pub fn run(order: &StageOrder, job: &StageJob, place: &Path, inputs: &[StreamInp
     let stored = inputs.iter().filter(|input| input.descent.is_none());
     job.upstream_parts.extend(stored.flat_map(|input| input.manifest.origin.part_names.iter().cloned()));
     take_events(&mut job.scene, &job.upstream_parts, &events);
-    let key = stage_key(order, &job, inputs)?;
+    let streams: Vec<&str> = inputs.iter().map(|input| input.digest.as_str()).collect();
+    let kick = order.kick.filter(|_| inputs.is_empty());
+    let key = stage_key(order.plan, &job, &streams, kick)?;
     let mut not_reused = Vec::new();
     for root in order.request.reuse.iter().filter(|_| !place.exists()) {
         let other = super::stage_folder(root, &job.name);
@@ -186,7 +188,8 @@ fn computed(order: &StageOrder, job: &StageJob, request: &StageRequest) -> Resul
     }
 }
 
-fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Result<StageKey, RunError> {
+/// The key of a stage whose replayed streams are called `streams`.
+pub fn stage_key(plan: &Plan, job: &StageJob, streams: &[&str], kick: Option<Kick>) -> Result<StageKey, RunError> {
     let scene = &job.scene;
     if let Some(missing) = scene.start_checkpoint.as_ref().filter(|path| !path.is_file()) {
         let shown = missing.display();
@@ -194,10 +197,8 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
             "there is no checkpoint {shown} to start from; run what writes it first"
         )));
     }
-    let plan = order.plan;
     let models: Vec<&str> = plan.models.iter().filter(|model| model.on).map(|model| model.name).collect();
     let start = scene.start_checkpoint.as_deref().map(native::digest_of_start).transpose()?;
-    let streams: Vec<&str> = inputs.iter().map(|input| input.digest.as_str()).collect();
     let external = match job.backend {
         BackendName::Native => None,
         BackendName::Liggghts => Some(liggghts::key_content(&scene.liggghts)?),
@@ -215,8 +216,9 @@ fn stage_key(order: &StageOrder, job: &StageJob, inputs: &[StreamInput]) -> Resu
         start: start.as_deref(),
         records: &job.records,
         replays: &replays,
-        streams: &streams,
-        kick: order.kick.filter(|_| inputs.is_empty()).map(|kick| (kick.length, kick.draw)),
+        streams,
+        kick: kick.map(|kick| (kick.length, kick.draw)),
+        materials: &job.materials,
         external: external.as_ref(),
     };
     Ok(StageKey::new(scene, &choices))

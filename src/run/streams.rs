@@ -1,7 +1,6 @@
 //! Streams on their way from stage to stage: where they lie, whether they fit, what identifies them.
 
-use super::stage::StageOutcome;
-use super::{RunError, stage_folder};
+use super::RunError;
 use crate::backend::native;
 use crate::backend::stage::ReplayOrder;
 use crate::gate::stream::format::{Expected, Manifest};
@@ -43,8 +42,7 @@ pub struct Descent {
 
 impl Descent {
     fn of(scene: &Scene, jobs: &[StageJob], gate: usize) -> Option<Self> {
-        let records = |job: &StageJob| job.records.iter().any(|record| record.gate.name == scene.gates[gate].name);
-        let recorder = jobs.iter().position(records)?;
+        let recorder = recorder_of(scene, jobs, gate)?;
         let mut gates = BTreeSet::from([gate]);
         for replay in &jobs[recorder].replays {
             if let StreamSource::Gate(upstream) = replay.source {
@@ -67,12 +65,18 @@ impl StreamInput {
     }
 }
 
+/// The job that records gate number `gate`.
+pub fn recorder_of(scene: &Scene, jobs: &[StageJob], gate: usize) -> Option<usize> {
+    let name = &scene.gates[gate].name;
+    jobs.iter().position(|job| job.records.iter().any(|record| record.gate.name == *name))
+}
+
 /// Where a stage stores what it records at a gate.
 pub fn stream_folder(stage: &Path, gate: &str) -> PathBuf {
     stage.join("streams").join(gate)
 }
 
-/// The streams that enter stage number `index`.
+/// The streams that enter stage number `index`; `places` are the folders of all stages' results.
 ///
 /// # Errors
 /// When one is missing, damaged, or does not fit the scene.
@@ -80,8 +84,7 @@ pub fn inputs(
     scene: &Scene,
     jobs: &[StageJob],
     index: usize,
-    outcomes: &[Option<StageOutcome>],
-    out: &Path,
+    places: &[PathBuf],
     accept: bool,
 ) -> Result<Vec<StreamInput>, RunError> {
     let input = |replay: &Replay| {
@@ -90,13 +93,8 @@ pub fn inputs(
                 let descent = Descent::of(scene, jobs, *gate);
                 let descent = descent
                     .ok_or_else(|| RunError::Stream(format!("no stage records gate '{}'", scene.gates[*gate].name)))?;
-                let place = recorded(
-                    &jobs[index],
-                    &jobs[descent.recorder],
-                    &scene.gates[*gate].name,
-                    outcomes.get(descent.recorder),
-                    out,
-                )?;
+                let (recorder, name) = (descent.recorder, &scene.gates[*gate].name);
+                let place = recorded(&jobs[index], &jobs[recorder], name, &places[recorder])?;
                 (scene.gates[*gate].name.clone(), place, Some(&scene.gates[*gate].plane), Some(descent))
             }
             StreamSource::Folder(folder) => {
@@ -121,16 +119,9 @@ pub fn inputs(
     jobs[index].replays.iter().map(input).collect()
 }
 
-/// Where the stage `recorder` has stored what passes `gate`, for the stage `asking`.
-fn recorded(
-    asking: &StageJob,
-    recorder: &StageJob,
-    gate: &str,
-    outcome: Option<&Option<StageOutcome>>,
-    out: &Path,
-) -> Result<PathBuf, RunError> {
-    let stage = outcome.and_then(Option::as_ref).map(|outcome| outcome.folder.clone());
-    let place = stream_folder(&stage.unwrap_or_else(|| stage_folder(out, &recorder.name)), gate);
+/// Where the stage `recorder`, whose results are in `folder`, has stored what passes `gate`, for the stage `asking`.
+fn recorded(asking: &StageJob, recorder: &StageJob, gate: &str, folder: &Path) -> Result<PathBuf, RunError> {
+    let place = stream_folder(folder, gate);
     if place.exists() {
         return Ok(place);
     }

@@ -304,7 +304,7 @@ pub(crate) fn hint(given: &str, known: &[&str]) -> String {
 }
 
 /// The known word nearest to `given`, if fewer than three edits and less than half of it would have to change.
-pub(super) fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
     let length = given.chars().count();
     known
         .iter()

@@ -74,6 +74,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Whether it has stages. One that only replays stored streams has stages and no gate.
+    #[must_use]
+    pub const fn is_cut(&self) -> bool {
+        !(self.gates.is_empty() && self.stages.is_empty())
+    }
+
     /// The largest diameter of any particle that a class or an initial state can bring [m]; 0 without particles.
     #[must_use]
     pub fn largest_diameter(&self) -> f64 {

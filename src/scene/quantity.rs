@@ -1,5 +1,8 @@
 //! Quantities: "3 mm" to metres. Units are checked at the door; inside, everything is SI.
 
+use std::collections::{HashMap, HashSet};
+use std::sync::LazyLock;
+
 /// What a quantity measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Dimension {
@@ -67,7 +70,7 @@ impl Dimension {
 }
 
 /// A unit: its dimension, how it is written, and what one of it is in SI.
-pub(super) struct Unit {
+pub(crate) struct Unit {
     /// Dimension.
     pub dimension: Dimension,
     /// As written in a quantity.
@@ -83,7 +86,7 @@ const fn unit(dimension: Dimension, symbol: &'static str, factor: f64) -> Unit {
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// All units.
-pub(super) const UNITS: &[Unit] = &[
+pub(crate) const UNITS: &[Unit] = &[
     unit(D::Length, "m", 1.0),
     unit(D::Length, "cm", 1e-2),
     unit(D::Length, "mm", 1e-3),
@@ -145,33 +148,43 @@ pub(super) const UNITS: &[Unit] = &[
     unit(D::Dimensionless, "%", 1e-2),
 ];
 
+/// The end of a key that names a unit, by the unit's symbol: `_kg_per_m3` for `kg/m3`. Kept, because every key of every scene is
+/// held against them.
+static KEY_ENDINGS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
+    let ending = |symbol: &str| match symbol {
+        "%" => "_percent".to_owned(),
+        symbol if symbol.starts_with("1/") => symbol.replace("1/", "_per_"),
+        symbol => format!("_{}", symbol.replace('/', "_per_").replace(' ', "_")),
+    };
+    UNITS.iter().map(|unit| (unit.symbol, ending(unit.symbol))).collect()
+});
+
+/// The values of [`KEY_ENDINGS`].
+static ALL_KEY_ENDINGS: LazyLock<HashSet<&str>> = LazyLock::new(|| KEY_ENDINGS.values().map(String::as_str).collect());
+
 impl Unit {
     /// The end of a key that names this unit: `_kg_per_m3`.
-    pub fn key_ending(&self) -> String {
-        match self.symbol {
-            "%" => "_percent".to_owned(),
-            symbol if symbol.starts_with("1/") => symbol.replace("1/", "_per_"),
-            symbol => format!("_{}", symbol.replace('/', "_per_").replace(' ', "_")),
-        }
+    pub fn key_ending(&self) -> &'static str {
+        &KEY_ENDINGS[self.symbol]
     }
 }
 
 /// The units of a dimension.
-pub(super) fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Unit> {
+pub(crate) fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Unit> {
     UNITS.iter().filter(move |unit| unit.dimension == dimension)
 }
 
 /// `key` without the unit at its end: `diameter` of `diameter_mm`.
-pub(super) fn base_of_key(key: &str) -> &str {
-    let endings = UNITS.iter().map(Unit::key_ending);
-    let longest =
-        endings.filter(|ending| key.len() > ending.len() && key.ends_with(ending.as_str())).map(|e| e.len()).max();
-    &key[..key.len() - longest.unwrap_or(0)]
+pub(crate) fn base_of_key(key: &str) -> &str {
+    // The longest ending begins at the first underscore; a key is more than its unit.
+    let ends = key.match_indices('_').map(|(at, _)| at).filter(|at| *at > 0);
+    let longest = ends.into_iter().find(|at| ALL_KEY_ENDINGS.contains(&key[*at..]));
+    &key[..longest.unwrap_or(key.len())]
 }
 
 /// Why a text is not the quantity that was asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Fault {
+pub(crate) enum Fault {
     /// It has no number, or one that is not finite.
     Number,
     /// It has a number but no unit.
@@ -183,7 +196,7 @@ pub(super) enum Fault {
 }
 
 /// Reads a quantity of `dimension`, in SI.
-pub(super) fn parse(text: &str, dimension: Dimension) -> Result<f64, Fault> {
+pub(crate) fn parse(text: &str, dimension: Dimension) -> Result<f64, Fault> {
     let text = text.trim();
     let (number, symbol) = text.split_at(number_length(text));
     let number: f64 = number.parse().map_err(|_| Fault::Number)?;

@@ -30,14 +30,9 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// A reader of the whole scene.
-    pub fn root(table: &'a Table, report: &'a Report) -> Self {
-        Self::new(table, Place::in_file(0..0), String::new(), String::new(), "scene", report)
-    }
-
-    /// A reader of a whole file that is no scene; `label` is what it is called in messages: `the site file`.
-    pub fn of_file(table: &'a Table, label: &str, section: &'static str, report: &'a Report) -> Self {
-        Self::new(table, Place::in_file(0..0), String::new(), label.to_owned(), section, report)
+    /// A reader of a whole file; `section` is what the file is: a scene, a campaign.
+    pub fn root(table: &'a Table, section: &'static str, report: &'a Report) -> Self {
+        Self::new(table, Place::in_file(0..0), String::new(), String::new(), section, report)
     }
 
     fn new(
@@ -95,7 +90,7 @@ impl<'a> Reader<'a> {
     }
 
     fn words(&self) -> String {
-        if self.label.is_empty() { "the scene".to_owned() } else { self.label.clone() }
+        if self.label.is_empty() { format!("the {}", self.section) } else { self.label.clone() }
     }
 
     /// Reports that `key` is not `wanted`.
@@ -345,7 +340,7 @@ impl<'a> Reader<'a> {
                     "unknown-unit",
                     &entry.key_place,
                     format!("`{base}` does not take the unit at the end of `{key}`"),
-                    format!("write `{base} = \"…\"` with a unit that fits, or see the reference of the keys"),
+                    format!("write `{base} = \"…\"` with a unit that fits, or see the reference of the scene"),
                 );
             } else if schema::knows(self.section, base) {
                 self.report.error(
@@ -390,6 +385,6 @@ fn list(keys: &[&str]) -> String {
 }
 
 /// `path.key`, or `key` alone at the top.
-pub(super) fn join(path: &str, key: &str) -> String {
+pub(crate) fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }

@@ -1,7 +1,8 @@
-//! Every key a scene can have, section by section: what the reader asks for, what `docs/scene.md` explains.
+//! Every key a scene or a campaign can have, section by section: what the reader asks for, what `docs/scene.md` and
+//! `docs/campaign.md` explain.
 
-/// Sections and their keys. A key that the reader asks for and that is not here is our own bug; the tests find it.
-pub(super) const SECTIONS: &[(&str, &[&str])] = &[
+/// Sections of a scene and their keys. A key that the reader asks for and that is not here is our own bug; the tests find it.
+pub(crate) const SECTIONS: &[(&str, &[&str])] = &[
     (
         "scene",
         &[
@@ -157,9 +158,9 @@ pub(super) const SECTIONS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Sections of files that are read like a scene and are none; their own pages explain them.
-pub(crate) const OTHER_FILES: &[(&str, &[&str])] = &[(
-    "site",
+/// The site file of a cluster and its keys; `docs/slurm.md` explains them.
+pub(crate) const SITE_SECTIONS: &[(&str, &[&str])] = &[(
+    "site file",
     &[
         "account",
         "partition",
@@ -269,13 +270,27 @@ const WORDS: &[&str] = &[
     "sbatch",
 ];
 
+/// Sections of a campaign and their keys.
+pub(crate) const CAMPAIGN_SECTIONS: &[(&str, &[&str])] = &[
+    ("campaign", &["version", "title", "scene", "replicates", "whole_runs", "set", "axis", "table", "sample"]),
+    ("campaign.axis", &["name", "keys", "unit", "values", "from", "to", "count", "spacing", "zip"]),
+    ("campaign.table", &["file", "columns"]),
+    ("campaign.table.column", &["keys", "unit"]),
+    ("campaign.sample", &["count", "seed", "axis"]),
+    ("campaign.sample.axis", &["name", "keys", "unit", "from", "to", "spacing"]),
+];
+
 /// True where `section` has `key`.
-pub(super) fn knows(section: &str, key: &str) -> bool {
-    SECTIONS.iter().chain(OTHER_FILES).any(|(name, keys)| *name == section && keys.contains(&key))
+pub(crate) fn knows(section: &str, key: &str) -> bool {
+    SECTIONS
+        .iter()
+        .chain(CAMPAIGN_SECTIONS)
+        .chain(SITE_SECTIONS)
+        .any(|(name, keys)| *name == section && keys.contains(&key))
 }
 
 /// True where a unit may stand at the end of `key`.
-pub(super) fn is_measured(key: &str) -> bool {
+pub(crate) fn is_measured(key: &str) -> bool {
     !WORDS.contains(&key)
 }
 
@@ -301,11 +316,14 @@ mod tests {
     }
 
     #[test]
-    fn the_page_names_every_key() {
-        let page = include_str!("../../docs/scene.md");
-        for (section, keys) in SECTIONS {
-            for key in *keys {
-                assert!(page.contains(&format!("`{key}`")), "docs/scene.md does not explain `{key}` of [{section}]");
+    fn the_pages_name_every_key() {
+        let scene = ("docs/scene.md", include_str!("../../docs/scene.md"), SECTIONS);
+        let campaign = ("docs/campaign.md", include_str!("../../docs/campaign.md"), CAMPAIGN_SECTIONS);
+        for (name, page, sections) in [scene, campaign] {
+            for (section, keys) in sections {
+                for key in *keys {
+                    assert!(page.contains(&format!("`{key}`")), "{name} does not explain `{key}` of [{section}]");
+                }
             }
         }
     }

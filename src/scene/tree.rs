@@ -159,7 +159,7 @@ fn convert(value: &DeValue<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Value 
 }
 
 /// Applies one `--set path=text` to the tree. `text` is a TOML value; what is none is taken as a string.
-pub(super) fn set(root: &mut Node, path: &str, text: &str, report: &Report) {
+pub(crate) fn set(root: &mut Node, path: &str, text: &str, report: &Report) {
     let place = Place::in_setting(format!("--set {path}={text}"));
     let at = |_: Range<usize>| place.clone();
     let value = match DeValue::parse(text) {

@@ -16,6 +16,8 @@ pub struct StageKey {
     pub outputs_key: String,
     /// What the key is a hash of.
     pub content: Value,
+    /// What the other one is a hash of.
+    pub outputs: Value,
 }
 
 /// Numbers that a plan and a backend add to the scene.
@@ -45,6 +47,9 @@ pub struct Choices<'a> {
     /// Kick of a particle at the start: length [m], number of the draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kick: Option<(f64, u64)>,
+    /// Which of the scene's materials the stage can meet; the others are in no key.
+    #[serde(skip)]
+    pub materials: &'a [bool],
     /// Of an external code: its version, and what it is told that may change a number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub external: Option<&'a Value>,
@@ -111,6 +116,7 @@ impl StageKey {
         content.remove("liggghts");
         content.remove("backend");
         SPLIT_KEYS.iter().for_each(|key| drop(content.remove(*key)));
+        content.insert("materials".to_owned(), to_value(&scene.materials.of_those(choices.materials)));
         let mut outputs: Map<String, Value> =
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
         // A gate that is only observed changes nothing but what is written.
@@ -121,8 +127,45 @@ impl StageKey {
         }
         let choices = Choices { records: &records, ..*choices };
         content.insert("choices".to_owned(), Value::Object(to_map(&choices)));
-        let content = Value::Object(content);
-        Self { key: digest(&content), outputs_key: digest(&Value::Object(outputs)), content }
+        Self::of(Value::Object(content), Value::Object(outputs))
+    }
+}
+
+/// What of `wanted` outputs `held` ones lack, as dotted paths with both values; empty where a run that wrote `held` has all.
+/// What is `null` or `false` is not wanted; elements of lists go by their names, or by themselves.
+#[must_use]
+pub fn lacking(held: &Value, wanted: &Value) -> Vec<String> {
+    let mut found = Vec::new();
+    lack(held, wanted, "", &mut found);
+    found
+}
+
+fn lack(held: &Value, wanted: &Value, path: &str, found: &mut Vec<String>) {
+    let join = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+    match (held, wanted) {
+        _ if held == wanted || wanted.is_null() || *wanted == Value::Bool(false) => {}
+        (Value::Object(held), Value::Object(wanted)) => {
+            for (name, value) in wanted {
+                lack(held.get(name).unwrap_or(&Value::Null), value, &join(name), found);
+            }
+        }
+        (Value::Array(held), Value::Array(wanted)) => {
+            for value in wanted {
+                let name = value.get("name").and_then(Value::as_str);
+                let same = |other: &&Value| match name {
+                    Some(name) => other.get("name").and_then(Value::as_str) == Some(name),
+                    None => *other == value,
+                };
+                match (held.iter().find(same), name) {
+                    (Some(other), _) if other == value => {}
+                    (Some(_), Some(name)) => found.push(format!("{} is defined otherwise", join(name))),
+                    (_, Some(name)) => found.push(join(name)),
+                    (_, None) => found.push(format!("{path} {}", short(value))),
+                }
+            }
+        }
+        (Value::Null | Value::Bool(false), _) => found.push(path.to_owned()),
+        _ => found.push(format!("{path}: {} then, {} now", short(held), short(wanted))),
     }
 }
 
@@ -148,8 +191,13 @@ impl StageKey {
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
         content.insert("whole".to_owned(), whole.into());
         content.insert("kick".to_owned(), serde_json::json!(kick));
-        let content = Value::Object(content);
-        Self { key: digest(&content), outputs_key: digest(&Value::Object(outputs)), content }
+        Self::of(Value::Object(content), Value::Object(outputs))
+    }
+}
+
+impl StageKey {
+    fn of(content: Value, outputs: Value) -> Self {
+        Self { key: digest(&content), outputs_key: digest(&outputs), content, outputs }
     }
 }
 
@@ -241,6 +289,7 @@ mod tests {
             replays: &replays,
             streams,
             kick: None,
+            materials: &job.materials,
             external: None,
         };
         StageKey::new(&job.scene, &choices)

@@ -2,6 +2,7 @@
 //! scene unsplit, as the reference that a split is compared with.
 
 use super::graph::Graph;
+use crate::dem::feed::FeedKind;
 use crate::geometry::part::Trigger;
 use crate::scene::backend::BackendName;
 use crate::scene::gate::{Clock, Gate, Replay, StreamSource};
@@ -38,6 +39,8 @@ pub struct StageJob {
     pub upstream_feeds: Vec<usize>,
     /// Names of its parts that a stage upstream has as well: what happened to them there is replayed here.
     pub upstream_parts: Vec<String>,
+    /// Which of the scene's materials its particles and parts can be of.
+    pub materials: Vec<bool>,
     /// Jobs that must be done before, as indices into the list of jobs.
     pub waits_for: Vec<usize>,
     /// True where nothing replays what leaves it.
@@ -57,6 +60,7 @@ impl StageJob {
             own_feeds: (0..scene.feeds.len()).collect(),
             upstream_feeds: Vec::new(),
             upstream_parts: Vec::new(),
+            materials: vec![true; scene.materials.materials.len()],
             waits_for: Vec::new(),
             is_leaf: true,
         }
@@ -86,6 +90,7 @@ pub fn stage_jobs(scene: &Scene) -> Vec<StageJob> {
         job.scene.end = outline.end.unwrap_or(scenes_end);
         let upstream = crop(scene, &layout, graph.ancestors(stage));
         job.upstream_feeds = upstream.own_feeds;
+        job.materials = materials(scene, &job);
         let shared = |name: &&String| upstream.scene.parts.iter().any(|part| part.name == **name);
         job.upstream_parts = job.scene.parts.iter().map(|part| &part.name).filter(shared).cloned().collect();
         job.waits_for = graph.parents(stage).iter().filter_map(|parent| place(*parent)).collect();
@@ -117,6 +122,7 @@ pub fn whole_jobs(scene: &Scene) -> Vec<StageJob> {
         let replays = members.iter().flat_map(|member| &scene.stages[*member].replays);
         job.replays = replays.filter(|replay| matches!(replay.source, StreamSource::Folder(_))).cloned().collect();
         job.scene.end = outline.end.unwrap_or(scene.end);
+        job.materials = materials(scene, &job);
         job.is_leaf = true;
         job
     };
@@ -184,9 +190,30 @@ fn crop(scene: &Scene, layout: &Layout<'_>, stages: &[usize]) -> StageJob {
         own_feeds,
         upstream_feeds: Vec::new(),
         upstream_parts: Vec::new(),
+        materials: vec![true; scene.materials.materials.len()],
         waits_for: Vec::new(),
         is_leaf: false,
     }
+}
+
+/// Which materials `job` can meet: those of its parts, and of the particles that are fed into it or upstream of it. Of a stored
+/// stream, or a checkpoint, it is not known what it brings: all of them.
+fn materials(scene: &Scene, job: &StageJob) -> Vec<bool> {
+    let is_known = job.scene.start_checkpoint.is_none()
+        && job.replays.iter().all(|replay| matches!(replay.source, StreamSource::Gate(_)));
+    let mut met = vec![!is_known; scene.materials.materials.len()];
+    job.scene.parts.iter().for_each(|part| met[usize::from(part.material)] = true);
+    for feed in job.own_feeds.iter().chain(&job.upstream_feeds) {
+        match &scene.feeds[*feed].kind {
+            FeedKind::Fill { class, .. } | FeedKind::Stream { class, .. } => {
+                met[usize::from(scene.classes[*class].material)] = true;
+            }
+            FeedKind::File { particles } => {
+                particles.iter().for_each(|particle| met[usize::from(particle.material)] = true);
+            }
+        }
+    }
+    met
 }
 
 /// Replays in a stage what happened to parts upstream: `events` are part, whether it came (`true`) or went, and the plant

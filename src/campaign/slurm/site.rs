@@ -83,9 +83,7 @@ impl Site {
         let root = tree::parse(text, &report);
         // What follows a syntax error is anybody's guess.
         let site = match &root.value {
-            Value::Table(table) if report.is_empty() => {
-                Some(resolve(Reader::of_file(table, "the site file", "site", &report)))
-            }
+            Value::Table(table) if report.is_empty() => Some(resolve(Reader::root(table, "site file", &report))),
             _ => None,
         };
         site.filter(|_| report.is_empty()).ok_or_else(|| report.into_findings())

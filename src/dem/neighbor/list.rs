@@ -1,6 +1,7 @@
 //! Pair lists of one chunk: candidates (outer) and the pruned list that the contact kernel walks (inner).
 
 use crate::dem::particles::{Sphere, Velocity};
+use crate::dem::pieces::add_up;
 use crate::dem::resting::{RestingPairs, Run};
 use crate::math::Vec3;
 use crate::math::lanes::MOST_LANES;
@@ -57,7 +58,7 @@ impl Images {
 }
 
 /// Candidate pairs of a chunk.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct OuterList {
     /// The particle of each pair that the chunk owns.
     pub owners: Vec<u32>,
@@ -247,7 +248,7 @@ impl OuterList {
         let first = range.start as u32;
         let mut start = vec![0_u32; range.len() + 1];
         pairs.clone().for_each(|(owner, ..)| start[(owner - first) as usize + 1] += 1);
-        (0..range.len()).for_each(|row| start[row + 1] += start[row]);
+        add_up(&mut start);
         let mut next = start.clone();
         let blank = Candidate { partner: 0, image: NO_IMAGE };
         let mut rows = vec![blank; start[range.len()] as usize];
@@ -257,13 +258,18 @@ impl OuterList {
             *slot += 1;
         }
         let mut list = Self { owners: Vec::with_capacity(rows.len()), candidates: Vec::with_capacity(rows.len()) };
+        let mut open: Vec<usize> = Vec::with_capacity(MIXED);
         for group in (0..range.len()).step_by(MIXED) {
-            let group = group..(group + MIXED).min(range.len());
-            let longest = group.clone().map(|row| start[row + 1] - start[row]).max().unwrap_or(0);
-            for turn in 0..longest {
-                for row in group.clone().filter(|&row| start[row] + turn < start[row + 1]) {
+            open.clear();
+            open.extend((group..range.len().min(group + MIXED)).filter(|&row| start[row] < start[row + 1]));
+            for turn in 0.. {
+                open.retain(|&row| {
                     list.owners.push(first + row as u32);
                     list.candidates.push(rows[(start[row] + turn) as usize]);
+                    start[row] + turn + 1 < start[row + 1]
+                });
+                if open.is_empty() {
+                    break;
                 }
             }
         }

@@ -8,3 +8,4 @@ pub mod chunks;
 pub mod history;
 pub mod list;
 pub mod search;
+pub mod sort;

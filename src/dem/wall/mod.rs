@@ -8,6 +8,7 @@ mod near;
 
 pub use near::{Due, NearElements};
 
+use crate::dem::particles::Sphere;
 use crate::geometry::frustum::{Frustum, Side};
 use crate::geometry::motion::{Motion, Pose, Twist};
 use crate::geometry::part::{Part, Surface};
@@ -184,28 +185,39 @@ impl Walls {
     /// `found` is emptied first.
     pub fn candidates(&self, centre: &Vec3, reach: f64, found: &mut Vec<Candidate>) {
         found.clear();
-        for (part, wall) in (0_u16..).zip(&self.walls) {
-            if !wall.present {
-                continue;
-            }
-            let start = found.len();
-            let local = wall.to_body(centre);
-            match &wall.shape {
-                Shape::Plane { point, normal } => {
-                    if wall.is_always_candidate() || normal.dot(&(local - point)) <= reach {
-                        found.push(Candidate { part, element: 0 });
-                    }
+        self.present_parts().for_each(|part| self.walls[usize::from(part)].add_candidates(part, centre, reach, found));
+    }
+
+    /// The parts that exist, ascending.
+    pub fn present_parts(&self) -> impl Iterator<Item = u16> {
+        (0_u16..).zip(&self.walls).filter_map(|(part, wall)| wall.present.then_some(part))
+    }
+
+    /// Calls `visit` with the number of each sphere, and the elements of one part within `skin` [m] of it at the present pose,
+    /// ascending, where there are such. `found` is scratch, and must be empty.
+    pub fn candidates_of(
+        &self,
+        part: u16,
+        spheres: &[Sphere],
+        skin: f64,
+        found: &mut Vec<Candidate>,
+        mut visit: impl FnMut(usize, &[Candidate]),
+    ) {
+        let wall = &self.walls[usize::from(part)];
+        if let Shape::Plane { point, normal } = &wall.shape {
+            for (number, sphere) in spheres.iter().enumerate() {
+                if wall.is_near_plane(point, normal, &sphere.position(), sphere.radius + skin) {
+                    visit(number, &[Candidate { part, element: 0 }]);
                 }
-                Shape::Frustum(frustum) => {
-                    for (element, side) in [(0, Side::Near), (1, Side::Far)] {
-                        if frustum.closest(&local, side).squared_distance <= reach * reach {
-                            found.push(Candidate { part, element });
-                        }
-                    }
-                }
-                Shape::Mesh(tree) => tree.within(&local, reach, |element| found.push(Candidate { part, element })),
             }
-            found[start..].sort_unstable();
+            return;
+        }
+        for (number, sphere) in spheres.iter().enumerate() {
+            wall.add_candidates(part, &sphere.position(), sphere.radius + skin, found);
+            if !found.is_empty() {
+                visit(number, found);
+                found.clear();
+            }
         }
     }
 
@@ -262,6 +274,35 @@ impl Wall {
     /// True for a plane swinging about an axis across its normal: far out it sweeps past at any speed.
     fn is_always_candidate(&self) -> bool {
         matches!(self.shape, Shape::Plane { .. }) && self.speed_bound.is_infinite()
+    }
+
+    /// Adds to `found` every element within `reach` [m] of `centre` [m] at the present pose, ascending; this is part number `part`.
+    fn add_candidates(&self, part: u16, centre: &Vec3, reach: f64, found: &mut Vec<Candidate>) {
+        match &self.shape {
+            Shape::Plane { point, normal } => {
+                if self.is_near_plane(point, normal, centre, reach) {
+                    found.push(Candidate { part, element: 0 });
+                }
+            }
+            Shape::Frustum(frustum) => {
+                for (element, side) in [(0, Side::Near), (1, Side::Far)] {
+                    if frustum.closest(&self.to_body(centre), side).squared_distance <= reach * reach {
+                        found.push(Candidate { part, element });
+                    }
+                }
+            }
+            Shape::Mesh(tree) => {
+                let start = found.len();
+                tree.within(&self.to_body(centre), reach, |element| found.push(Candidate { part, element }));
+                found[start..].sort_unstable();
+            }
+        }
+    }
+
+    /// Whether `centre` [m] is within `reach` [m] of the plane that this is, through `point` [m] in body coordinates, or may soon be.
+    #[inline(always)]
+    fn is_near_plane(&self, point: &Vec3, normal: &Vec3, centre: &Vec3, reach: f64) -> bool {
+        self.is_always_candidate() || normal.dot(&(self.to_body(centre) - point)) <= reach
     }
 
     fn plane(&self) -> Option<Plane> {

@@ -141,6 +141,7 @@ fn figure(curve: &CurveComparison) -> Figure {
         y: Axis { label: with_unit(&curve.y.label, &curve.y.unit), range: range(curve), ..Axis::default() },
         layers,
         caption: format!("Largest difference {}.", values(row)),
+        ordered_colours: 0,
     }
 }
 

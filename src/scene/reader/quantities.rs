@@ -164,8 +164,7 @@ impl<'a> Reader<'a> {
 
     fn bare(&self, key: &str, node: &Node, number: f64, dimension: Dimension) {
         let (_, symbol) = dimension.example();
-        let ending =
-            units_of(dimension).find(|unit| unit.symbol == symbol).map_or_else(String::new, |u| u.key_ending());
+        let ending = ending_of(dimension);
         self.report.error(
             "bare-number",
             &node.place,
@@ -200,7 +199,7 @@ impl<'a> Reader<'a> {
         None
     }
 
-    pub(crate) fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
+    pub(in crate::scene) fn out_of_range(&self, key: &str, place: &Place, words: &str, given: &str) {
         self.report.error("out-of-range", place, format!("`{key}` must {words}, and is {given}"), "correct the value");
     }
 
@@ -286,9 +285,9 @@ impl<'a> Reader<'a> {
 }
 
 /// The end of a key that names the usual unit of a dimension.
-fn ending_of(dimension: Dimension) -> String {
+fn ending_of(dimension: Dimension) -> &'static str {
     let (_, symbol) = dimension.example();
-    units_of(dimension).find(|unit| unit.symbol == symbol).map_or_else(String::new, Unit::key_ending)
+    units_of(dimension).find(|unit| unit.symbol == symbol).map_or("", Unit::key_ending)
 }
 
 fn value_example(dimension: Dimension) -> String {

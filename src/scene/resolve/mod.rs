@@ -130,7 +130,7 @@ pub(super) fn resolve(root: &Node, name: &str, base: &Path, report: &Report) -> 
         Value::Table(table) => table,
         _ => &empty,
     };
-    let reader = Reader::root(table, report);
+    let reader = Reader::root(table, "scene", report);
     version(&reader);
     let body = body(&reader);
     let law = contact(&reader);

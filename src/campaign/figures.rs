@@ -1,0 +1,213 @@
+//! Pictures of a campaign: heap profiles of all variants on one axis, measures against each axis, load split against unsplit.
+
+use super::CampaignError;
+use super::file::Campaign;
+use super::results::{Load, Results};
+use super::status::State;
+use super::task::Graph;
+use super::variant::{Variant, columns, label, shown};
+use super::workspace::Workspace;
+use crate::analysis::angle_of_repose::angle_of_repose;
+use crate::analysis::surface_profile::surface_profile;
+use crate::output::final_state;
+use crate::report::figure::{Axis, Figure, Layer, Marks};
+use crate::scene::{self, MeasureKind};
+use crate::storage::staging::write_whole;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Profiles in one figure.
+const MOST_PROFILES: usize = 60;
+/// Names in a legend.
+const MOST_NAMES: usize = 12;
+/// Figures of measures.
+const MOST_FIGURES: usize = 60;
+
+/// Draws all figures into the workspace's folder `figures`; their places.
+///
+/// # Errors
+/// When a stored state cannot be read, or the disk refuses.
+pub fn draw(
+    workspace: &Workspace,
+    campaign: &Campaign,
+    variants: &[Variant],
+    graph: &Graph,
+    states: &[State],
+    results: &Results,
+) -> Result<Vec<PathBuf>, CampaignError> {
+    let mut figures = profiles(workspace, campaign, variants, graph, states, results)?;
+    figures.extend(measures(campaign, variants, results));
+    figures.extend(results.load.as_ref().map(|load| ("load".to_owned(), load_figure(campaign, load))));
+    let mut places = Vec::new();
+    for (name, figure) in figures {
+        let place = workspace.root.join("figures").join(format!("{name}.svg"));
+        write_whole(&place, figure.to_svg().as_bytes())?;
+        places.push(place);
+    }
+    Ok(places)
+}
+
+/// The heaps of every measure of an angle of repose: replicate 1 of each variant.
+fn profiles(
+    workspace: &Workspace,
+    campaign: &Campaign,
+    variants: &[Variant],
+    graph: &Graph,
+    states: &[State],
+    results: &Results,
+) -> Result<Vec<(String, Figure)>, CampaignError> {
+    let mut found: BTreeMap<String, (usize, Vec<(usize, Vec<[f64; 2]>)>)> = BTreeMap::new();
+    for (run, index, _) in results.leaves(graph) {
+        let (run, task) = (&graph.runs[run], &graph.tasks[index]);
+        let State::Stored(folder) = &states[index] else { continue };
+        let Some(file) = final_state::place(&workspace.place(&task.group(), folder)) else { continue };
+        if run.replicate != 1 {
+            continue;
+        }
+        let read = scene::read(&campaign.scene, &task.settings);
+        let Ok((scene, _)) = read else { continue };
+        let particles = final_state::read(&file)?;
+        for measure in &scene.measures {
+            let MeasureKind::AngleOfRepose { region, along } = &measure.kind else { continue };
+            let Ok(heap) = angle_of_repose(&particles, scene.body, region, *along) else { continue };
+            let profile = surface_profile(&particles, region, *along, heap.bin_width);
+            // A gap in the surface is a gap in the line.
+            let point = |point: Option<_>| {
+                point.map_or([f64::NAN; 2], |point: crate::analysis::surface_profile::SurfacePoint| {
+                    [1e3 * point.position, 1e3 * point.height]
+                })
+            };
+            let name = if graph.is_cut { format!("{}.{}", task.stage, measure.name) } else { measure.name.clone() };
+            let entry = found.entry(name).or_insert_with(|| (*along, Vec::new()));
+            entry.1.push((run.variant, profile.into_iter().map(point).collect()));
+        }
+    }
+    let columns = columns(campaign);
+    let figure = |(name, (along, mut lines)): (String, (usize, Vec<(usize, Vec<[f64; 2]>)>))| {
+        let all = lines.len();
+        if all > MOST_PROFILES {
+            let step = all.div_ceil(MOST_PROFILES);
+            lines = lines.into_iter().step_by(step).collect();
+        }
+        let every = lines.len().div_ceil(MOST_NAMES).max(1);
+        let count = lines.len();
+        let layer = |(place, (variant, points)): (usize, (usize, Vec<[f64; 2]>))| Layer {
+            label: if place % every == 0 { short_label(&columns, &variants[variant]) } else { String::new() },
+            colour: place,
+            marks: Marks::Line(points),
+        };
+        let shown = if count < all { format!("{count} of {all}") } else { format!("{count}") };
+        let axis = ["x", "y"][along];
+        let drawn = Figure {
+            title: format!("{}: surface of {name}", campaign.title),
+            x: Axis { label: format!("{axis} [mm]"), ..Axis::default() },
+            y: Axis { label: "z [mm]".to_owned(), ..Axis::default() },
+            layers: lines.into_iter().enumerate().map(layer).collect(),
+            ordered_colours: count,
+            caption: format!(
+                "Highest sphere tops, medians across in bins of about one median diameter, at the end of the run; first replicate of {shown} variants."
+            ),
+        };
+        (format!("profiles-{}", file_name(&name)), drawn)
+    };
+    Ok(found.into_iter().map(figure).collect())
+}
+
+/// The name of a variant without the units, which the legend has no room for.
+fn short_label(columns: &[&super::file::Column], variant: &Variant) -> String {
+    match columns {
+        [one] => format!("{} {}", shown(&variant.values[0]), one.unit),
+        _ => label(columns, variant),
+    }
+}
+
+/// Every figure that is a number against every axis that is numbers.
+fn measures(campaign: &Campaign, variants: &[Variant], results: &Results) -> Vec<(String, Figure)> {
+    let by_variant = results.by_variant();
+    let mut figures = Vec::new();
+    for (place, column) in columns(campaign).into_iter().enumerate() {
+        if variants.iter().any(|variant| variant.values[place].number().is_none()) {
+            continue;
+        }
+        for name in &results.measures {
+            let point = |(variant, measured): &(usize, BTreeMap<String, _>)| {
+                let figure: &crate::analysis::replicates::ReplicateFigure = measured.get(name)?;
+                let half = figure.interval_95.map_or(0.0, |[low, high]| 0.5 * (high - low));
+                Some([variants[*variant].values[place].number()?, figure.mean, half])
+            };
+            let points: Vec<[f64; 3]> = by_variant.iter().filter_map(point).collect();
+            if points.len() < 2 || figures.len() >= MOST_FIGURES {
+                continue;
+            }
+            let repeated = if campaign.replicates > 1 {
+                format!("Means of {} replicates with 95 % intervals.", campaign.replicates)
+            } else {
+                "One replicate a variant: no interval.".to_owned()
+            };
+            let drawn = Figure {
+                title: format!("{}: {name}", campaign.title),
+                x: Axis { label: column.label(), ..Axis::default() },
+                y: Axis { label: name.clone(), ..Axis::default() },
+                layers: vec![Layer { label: String::new(), colour: 0, marks: Marks::Points(points) }],
+                caption: repeated,
+                ..Figure::default()
+            };
+            figures.push((format!("{}-over-{}", file_name(name), file_name(&column.name)), drawn));
+        }
+    }
+    figures
+}
+
+/// Load over the number of downstream runs: after figure 8 of patent JP5440448B2.
+fn load_figure(campaign: &Campaign, load: &Load) -> Figure {
+    let runs = load.downstream_runs as f64;
+    let (upstream, b) = (load.upstream_cpu_s * load.upstream_runs as f64, load.downstream_cpu_s);
+    let line = |first: f64, slope: f64| vec![[0.0, first], [runs, first + slope * runs]];
+    let mut layers = vec![
+        Layer { label: "split: A X + B Y".to_owned(), colour: 0, marks: Marks::Line(line(upstream, b)) },
+        Layer {
+            label: "unsplit: (A + B) Y".to_owned(),
+            colour: 1,
+            marks: Marks::DashedLine(line(0.0, load.upstream_cpu_s + b)),
+        },
+        Layer {
+            label: "split, measured".to_owned(),
+            colour: 0,
+            marks: Marks::Points(vec![[runs, load.split_cpu_s, 0.0]]),
+        },
+    ];
+    let mut caption = format!(
+        "A = {:.1} s of processor time, run X = {} times; B = {:.1} s, Y = {} times. Measured: split {:.1} s, {:+.1} % off A X + B Y; (A + B) Y is {:.2} times A X + B Y.",
+        load.upstream_cpu_s,
+        load.upstream_runs,
+        b,
+        load.downstream_runs,
+        load.split_cpu_s,
+        100.0 * (load.split_cpu_s / load.split_forecast_cpu_s - 1.0),
+        load.ratio_forecast
+    );
+    if let (Some(whole), Some(unsplit), Some(ratio)) = (load.whole_cpu_s, load.unsplit_cpu_s, load.ratio_measured) {
+        layers.push(Layer {
+            label: "unsplit, by measured whole runs".to_owned(),
+            colour: 1,
+            marks: Marks::Line(line(0.0, whole)),
+        });
+        caption += &format!(
+            " {} whole runs took {whole:.1} s each on average: {unsplit:.1} s for all, {ratio:.2} times the measured split.",
+            load.whole_runs
+        );
+    }
+    Figure {
+        title: format!("{}: load, split and unsplit", campaign.title),
+        x: Axis { label: "downstream runs Y".to_owned(), range: Some([0.0, 1.04 * runs]), logarithmic: false },
+        y: Axis { label: "processor time [s]".to_owned(), ..Axis::default() },
+        layers,
+        caption,
+        ..Figure::default()
+    }
+}
+
+/// A name that can stand in a file's.
+fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() || "_.-".contains(c) { c } else { '_' }).collect()
+}
