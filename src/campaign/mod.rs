@@ -15,6 +15,7 @@ pub mod latin_hypercube;
 pub mod reason;
 pub mod results;
 pub mod scheduler;
+pub mod slurm;
 pub mod status;
 pub mod task;
 pub mod variant;

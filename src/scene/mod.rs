@@ -14,7 +14,7 @@ mod read;
 pub(crate) mod reader;
 mod resolve;
 mod rules;
-mod schema;
+pub(crate) mod schema;
 pub(crate) mod tree;
 
 pub use diagnostics::{Finding, Severity};

@@ -158,6 +158,28 @@ pub(crate) const SECTIONS: &[(&str, &[&str])] = &[
     ),
 ];
 
+/// The site file of a cluster and its keys; `docs/slurm.md` explains them.
+pub(crate) const SITE_SECTIONS: &[(&str, &[&str])] = &[(
+    "site file",
+    &[
+        "account",
+        "partition",
+        "qos",
+        "reservation",
+        "constraint",
+        "modules",
+        "setup",
+        "launcher",
+        "wall_time",
+        "signal_lead",
+        "memory",
+        "cpus",
+        "max_array_size",
+        "throttle",
+        "sbatch",
+    ],
+)];
+
 /// Keys that never carry a unit.
 const WORDS: &[&str] = &[
     "version",
@@ -233,6 +255,19 @@ const WORDS: &[&str] = &[
     "after_integration",
     "before_run",
     "after_run",
+    "account",
+    "partition",
+    "qos",
+    "reservation",
+    "constraint",
+    "modules",
+    "setup",
+    "launcher",
+    "memory",
+    "cpus",
+    "max_array_size",
+    "throttle",
+    "sbatch",
 ];
 
 /// Sections of a campaign and their keys.
@@ -247,7 +282,11 @@ pub(crate) const CAMPAIGN_SECTIONS: &[(&str, &[&str])] = &[
 
 /// True where `section` has `key`.
 pub(crate) fn knows(section: &str, key: &str) -> bool {
-    SECTIONS.iter().chain(CAMPAIGN_SECTIONS).any(|(name, keys)| *name == section && keys.contains(&key))
+    SECTIONS
+        .iter()
+        .chain(CAMPAIGN_SECTIONS)
+        .chain(SITE_SECTIONS)
+        .any(|(name, keys)| *name == section && keys.contains(&key))
 }
 
 /// True where a unit may stand at the end of `key`.

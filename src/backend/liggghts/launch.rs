@@ -189,7 +189,8 @@ fn command(launch: &Launch, program: &Path) -> Command {
     if launch.ranks > 1 {
         // mpirun ends its ranks when it is asked to end; where it is killed, theirs is the second guard.
         words.extend(guard("TERM"));
-        words.extend(["mpirun".into(), "-np".into(), launch.ranks.to_string().into()]);
+        words.extend(probe::launcher());
+        words.extend(["-n".into(), launch.ranks.to_string().into()]);
         words.extend(launch.mpirun.iter().map(OsString::from));
     }
     words.extend(guard("KILL"));

@@ -141,10 +141,22 @@ impl Probe {
     }
 }
 
+/// Variable that names what starts several ranks in place of mpirun: its words, one a line.
+pub const LAUNCHER_VARIABLE: &str = "TOLLGATE_MPI_LAUNCHER";
+
+/// The words that start several ranks: those of the environment, else `mpirun`. A number of ranks follows them as `-n 4`, which mpirun
+/// and srun understand.
+#[must_use]
+pub fn launcher() -> Vec<OsString> {
+    let words = std::env::var(LAUNCHER_VARIABLE).unwrap_or_default();
+    let words: Vec<OsString> = words.lines().filter(|word| !word.is_empty()).map(OsString::from).collect();
+    if words.is_empty() { vec!["mpirun".into()] } else { words }
+}
+
 /// Programs that a case is started with, where they are there.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Tools {
-    /// Starts several ranks; Debian's liggghts brings it.
+    /// Starts several ranks; Debian's liggghts brings it. What [`launcher`] names, where it is another.
     pub mpirun: Option<PathBuf>,
     /// Lets lines through as they are printed; of coreutils.
     pub stdbuf: Option<PathBuf>,
@@ -157,7 +169,7 @@ impl Tools {
     #[must_use]
     pub fn find() -> Self {
         let find = |name: &str| find(OsStr::new(name));
-        Self { mpirun: find("mpirun"), stdbuf: find("stdbuf"), setpriv: find("setpriv") }
+        Self { mpirun: self::find(&launcher()[0]), stdbuf: find("stdbuf"), setpriv: find("setpriv") }
     }
 
     /// What is missing to start a case on so many ranks, and how to get it.
