@@ -38,6 +38,8 @@ pub enum CampaignError {
     Request(String),
     /// A task cannot be computed for a reason that is not its own.
     Run(RunError),
+    /// Slurm refuses, or is not there.
+    Slurm(slurm::SlurmError),
     /// The disk or the system failed us.
     Storage(StorageError),
 }
@@ -50,6 +52,7 @@ impl CampaignError {
             Self::Findings(_) | Self::Request(_) => exit_code::USAGE,
             Self::Variants(variants) => variants.first().map_or(exit_code::USAGE, |(_, error)| error.exit_code()),
             Self::Run(error) => error.exit_code(),
+            Self::Slurm(error) => error.exit_code(),
             Self::Storage(error) => error.exit_code(),
         }
     }
@@ -65,6 +68,7 @@ impl std::fmt::Display for CampaignError {
             }
             Self::Request(text) => write!(f, "{text}"),
             Self::Run(error) => write!(f, "{error}"),
+            Self::Slurm(error) => write!(f, "{error}"),
             Self::Storage(error) => write!(f, "{error}"),
         }
     }

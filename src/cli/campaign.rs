@@ -8,7 +8,8 @@ use tollgate::backend::native;
 use tollgate::campaign::claim::Watch;
 use tollgate::campaign::file::{self, Campaign};
 use tollgate::campaign::results::Results;
-use tollgate::campaign::scheduler::{Board, Outcome, Rerun, local};
+use tollgate::campaign::scheduler::{Board, Outcome, Rerun, local, slurm};
+use tollgate::campaign::slurm::{Commands, Site};
 use tollgate::campaign::status::{State, states, tally};
 use tollgate::campaign::task::{Graph, graph};
 use tollgate::campaign::variant::{Variant, chosen, columns, label, variants};
@@ -66,6 +67,12 @@ struct Run {
     /// Go on with stages that were begun and have not ended
     #[arg(long)]
     resume: bool,
+    /// Who starts the stages: this computer, or a cluster with Slurm
+    #[arg(long, value_name = "local|slurm", value_parser = ["local", "slurm"], default_value = "local")]
+    scheduler: String,
+    /// With --scheduler slurm: file with account, partition, modules and wall time (docs/slurm.md)
+    #[arg(long, value_name = "FILE")]
+    site: Option<PathBuf>,
     /// Only say what would be computed, what is used again, and why
     #[arg(long)]
     dry_run: bool,
@@ -193,6 +200,7 @@ fn compute(run: &Run) -> Result<u8, CampaignError> {
         }
         return Ok(exit_code::DONE);
     }
+    let site = site(run)?;
     workspace.make(campaign)?;
     let noted = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
     if let Err(error) = noted {
@@ -201,13 +209,30 @@ fn compute(run: &Run) -> Result<u8, CampaignError> {
     let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("tollgate"));
     let board = Board::new(workspace, campaign, &graph, rerun);
     let mut tally = Tally::on_stderr(if run.verbose { Verbosity::Verbose } else { Verbosity::Normal });
-    let outcome = local::run(board, &local::Request { jobs: run.jobs, program }, &mut tally, &INTERRUPTED)?;
+    let outcome = if let Some(site) = site {
+        let commands = Commands::default().with_interrupt(&INTERRUPTED);
+        slurm::run(board, &slurm::Request { site, commands, program }, &mut tally, &INTERRUPTED)?
+    } else {
+        local::run(board, &local::Request { jobs: run.jobs, program }, &mut tally, &INTERRUPTED)?
+    };
     drop(tally);
     let results = results::collect(workspace, &graph, &outcome.states)?;
     results.write(workspace, campaign, variants)?;
     let figures = figures::draw(workspace, campaign, variants, &graph, &outcome.states, &results)?;
     show(&opened, &graph, &outcome, &results, figures.len());
     Ok(outcome.exit_code())
+}
+
+/// What the cluster wants to know, where it is to compute.
+fn site(run: &Run) -> Result<Option<Site>, CampaignError> {
+    match (run.scheduler.as_str(), &run.site) {
+        ("slurm", Some(site)) => Site::read(site).map(Some).map_err(CampaignError::Findings),
+        ("slurm", None) => Err(CampaignError::Request(
+            "--scheduler slurm needs --site FILE, which says at least the wall time (docs/slurm.md)".to_owned(),
+        )),
+        (_, Some(_)) => Err(CampaignError::Request("--site goes with --scheduler slurm".to_owned())),
+        (_, None) => Ok(None),
+    }
 }
 
 fn show(opened: &Opened, graph: &Graph, outcome: &Outcome, results: &Results, figures: usize) {
@@ -230,7 +255,7 @@ fn show(opened: &Opened, graph: &Graph, outcome: &Outcome, results: &Results, fi
     if let Some(reason) = &outcome.stopped {
         print::message(&format!("{reason}\nno further stage was started; when that is mended, go on with --resume"));
     } else if outcome.was_interrupted {
-        print::message("interrupted; go on with the same command and --resume");
+        print::message("interrupted; go on with the same command and --resume (jobs of a cluster go on by themselves)");
     } else if outcome.states.iter().any(|state| matches!(state, State::Failed(_))) {
         print::message("compute failed ones again with --rerun failed");
     }

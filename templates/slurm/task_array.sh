@@ -19,7 +19,7 @@ task=${SLURM_ARRAY_JOB_ID}_${SLURM_ARRAY_TASK_ID}
 # The end of the wall time is near: the task is asked for its checkpoint. Bash runs this in the middle of its `wait`, which ends
 # by that; `interrupted` tells it to wait again.
 child= due= interrupted=
-trap 'due=yes interrupted=yes; [ -z "$child" ] || kill -USR1 "$child" 2>/dev/null' USR1
+trap 'due=yes interrupted=yes; [ -z "$child" ] || kill -TERM "$child" 2>/dev/null' USR1
 trap 'interrupted=yes; [ -z "$child" ] || kill -TERM "$child" 2>/dev/null' TERM INT
 
 line=$(( ${1:?number of lines of the tasks file to skip} + SLURM_ARRAY_TASK_ID + 1 ))
@@ -37,7 +37,7 @@ ln -sfn "$task.log" "$logs/$key.log"
 {{command}} &
 child=$!
 # Asked before there was a task to hand it on to.
-[ -z "$due" ] || kill -USR1 "$child" 2>/dev/null
+[ -z "$due" ] || kill -TERM "$child" 2>/dev/null
 
 status=
 while :; do

@@ -6,10 +6,10 @@ use tollgate::campaign::slurm::{Prerequisite, TaskState};
 
 /// Goes on at the second time, as one does that has a checkpoint.
 const TASK: &str = "if [ -e \"$0/checkpoint\" ]; then echo finished > \"$0/$1\"; exit 0; fi; \
-                    trap 'sleep 0.2; echo > \"$0/checkpoint\"; exit 130' USR1; echo > \"$0/started\"; while :; do sleep 0.05; done";
+                    trap 'sleep 0.2; echo > \"$0/checkpoint\"; exit 130' TERM; echo > \"$0/started\"; while :; do sleep 0.05; done";
 
 /// Ignores that it should write a checkpoint.
-const DEAF: &str = "trap '' USR1; echo > \"$0/started\"; while :; do sleep 0.05; done";
+const DEAF: &str = "trap '' TERM; echo > \"$0/started\"; while :; do sleep 0.05; done";
 
 /// One test for both, since Slurm looks at wall times every 30 s only. Its file is called so that it starts first.
 #[test]

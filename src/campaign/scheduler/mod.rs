@@ -2,6 +2,7 @@
 //! campaign, or one that is started again, see the same facts, and the claims decide who computes what.
 
 pub mod local;
+pub mod slurm;
 
 use super::CampaignError;
 use super::claim::Watch;

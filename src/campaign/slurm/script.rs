@@ -78,12 +78,12 @@ impl TaskScript<'_> {
 /// Writes the file with the keys of an array's tasks, one a line.
 ///
 /// # Errors
-/// Where a key is no word of letters, digits, `_` and `-`, or the disk refuses.
+/// Where a key is no word of letters, digits, `_`, `-` and `.`, or the disk refuses.
 pub fn write_tasks(path: &Path, keys: &[String]) -> Result<(), SlurmError> {
     let is_plain =
-        |key: &&String| !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
+        |key: &&String| !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c));
     if let Some(key) = keys.iter().find(|key| !is_plain(key)) {
-        return Err(SlurmError::refused(format!("{key:?} cannot be the key of a task: keys are hexadecimal")));
+        return Err(SlurmError::refused(format!("{key:?} cannot be the name of a task: names are hexadecimal")));
     }
     let text: String = keys.iter().flat_map(|key| [key.as_str(), "\n"]).collect();
     Ok(staging::write_whole(path, text.as_bytes())?)

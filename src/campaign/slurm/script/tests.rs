@@ -160,12 +160,12 @@ fn signalled(signal: &str, task: &str) -> (Option<i32>, String) {
 fn a_checkpoint_at_the_end_of_the_wall_time_queues_the_task_again() {
     let loops = "touch \"$READY\"; while :; do sleep 0.02; done";
     let again = (Some(130), "requeue 7_0\n".to_owned());
-    assert_eq!(signalled("-USR1", &format!("trap 'exit 130' USR1; {loops}")), again);
+    assert_eq!(signalled("-USR1", &format!("trap 'exit 130' TERM; {loops}")), again);
     // It takes a while to write.
-    assert_eq!(signalled("-USR1", &format!("trap 'sleep 0.3; exit 130' USR1; {loops}")), again);
+    assert_eq!(signalled("-USR1", &format!("trap 'sleep 0.3; exit 130' TERM; {loops}")), again);
     // It was just finished.
-    assert_eq!(signalled("-USR1", &format!("trap 'exit 0' USR1; {loops}")), (Some(0), String::new()));
-    assert_eq!(signalled("-USR1", &format!("trap 'exit 4' USR1; {loops}")), (Some(4), String::new()));
+    assert_eq!(signalled("-USR1", &format!("trap 'exit 0' TERM; {loops}")), (Some(0), String::new()));
+    assert_eq!(signalled("-USR1", &format!("trap 'exit 4' TERM; {loops}")), (Some(4), String::new()));
     // One that cannot write a checkpoint would start from the beginning for ever.
     assert_eq!(signalled("-USR1", loops).1, "");
     // Somebody else wants it to end.
