@@ -8,7 +8,7 @@ use super::task::Graph;
 use super::variant::{Variant, columns, label, shown};
 use super::workspace::Workspace;
 use crate::analysis::angle_of_repose::angle_of_repose;
-use crate::analysis::surface_profile::surface_profile;
+use crate::analysis::surface_profile::{SurfacePoint, surface_profile};
 use crate::output::final_state;
 use crate::report::figure::{Axis, Figure, Layer, Marks};
 use crate::scene::{self, MeasureKind};
@@ -47,6 +47,21 @@ pub fn draw(
     Ok(places)
 }
 
+/// The surface of one heap.
+struct Profile {
+    variant: usize,
+    /// Points (place along the heap, height) [mm]; not a number where the surface has a gap.
+    points: Vec<[f64; 2]>,
+}
+
+/// The heaps of one measure of an angle of repose.
+#[derive(Default)]
+struct Heaps {
+    /// Horizontal axis: 0 = x, 1 = y.
+    along: usize,
+    profiles: Vec<Profile>,
+}
+
 /// The heaps of every measure of an angle of repose: replicate 1 of each variant.
 fn profiles(
     workspace: &Workspace,
@@ -56,7 +71,7 @@ fn profiles(
     states: &[State],
     results: &Results,
 ) -> Result<Vec<(String, Figure)>, CampaignError> {
-    let mut found: BTreeMap<String, (usize, Vec<(usize, Vec<[f64; 2]>)>)> = BTreeMap::new();
+    let mut found: BTreeMap<String, Heaps> = BTreeMap::new();
     for (run, index, _) in results.leaves(graph) {
         let (run, task) = (&graph.runs[run], &graph.tasks[index]);
         let State::Stored(folder) = &states[index] else { continue };
@@ -64,53 +79,49 @@ fn profiles(
         if run.replicate != 1 {
             continue;
         }
-        let read = scene::read(&campaign.scene, &task.settings);
-        let Ok((scene, _)) = read else { continue };
+        let Ok((scene, _)) = scene::read(&campaign.scene, &task.settings) else { continue };
         let particles = final_state::read(&file)?;
         for measure in &scene.measures {
             let MeasureKind::AngleOfRepose { region, along } = &measure.kind else { continue };
             let Ok(heap) = angle_of_repose(&particles, scene.body, region, *along) else { continue };
-            let profile = surface_profile(&particles, region, *along, heap.bin_width);
-            // A gap in the surface is a gap in the line.
-            let point = |point: Option<_>| {
-                point.map_or([f64::NAN; 2], |point: crate::analysis::surface_profile::SurfacePoint| {
-                    [1e3 * point.position, 1e3 * point.height]
-                })
-            };
+            let surface = surface_profile(&particles, region, *along, heap.bin_width);
+            let point = |point: SurfacePoint| [1e3 * point.position, 1e3 * point.height];
+            let points = surface.into_iter().map(|bin| bin.map_or([f64::NAN; 2], point)).collect();
             let name = if graph.is_cut { format!("{}.{}", task.stage, measure.name) } else { measure.name.clone() };
-            let entry = found.entry(name).or_insert_with(|| (*along, Vec::new()));
-            entry.1.push((run.variant, profile.into_iter().map(point).collect()));
+            let heaps = found.entry(name).or_default();
+            heaps.along = *along;
+            heaps.profiles.push(Profile { variant: run.variant, points });
         }
     }
-    let columns = columns(campaign);
-    let figure = |(name, (along, mut lines)): (String, (usize, Vec<(usize, Vec<[f64; 2]>)>))| {
-        let all = lines.len();
-        if all > MOST_PROFILES {
-            let step = all.div_ceil(MOST_PROFILES);
-            lines = lines.into_iter().step_by(step).collect();
-        }
-        let every = lines.len().div_ceil(MOST_NAMES).max(1);
-        let count = lines.len();
-        let layer = |(place, (variant, points)): (usize, (usize, Vec<[f64; 2]>))| Layer {
-            label: if place % every == 0 { short_label(&columns, &variants[variant]) } else { String::new() },
-            colour: place,
-            marks: Marks::Line(points),
-        };
-        let shown = if count < all { format!("{count} of {all}") } else { format!("{count}") };
-        let axis = ["x", "y"][along];
-        let drawn = Figure {
-            title: format!("{}: surface of {name}", campaign.title),
-            x: Axis { label: format!("{axis} [mm]"), ..Axis::default() },
-            y: Axis { label: "z [mm]".to_owned(), ..Axis::default() },
-            layers: lines.into_iter().enumerate().map(layer).collect(),
-            ordered_colours: count,
-            caption: format!(
-                "Highest sphere tops, medians across in bins of about one median diameter, at the end of the run; first replicate of {shown} variants."
-            ),
-        };
-        (format!("profiles-{}", file_name(&name)), drawn)
+    let drawn = |(name, heaps): (String, Heaps)| {
+        (format!("profiles-{}", file_name(&name)), profile_figure(campaign, variants, &name, heaps))
     };
-    Ok(found.into_iter().map(figure).collect())
+    Ok(found.into_iter().map(drawn).collect())
+}
+
+/// Heaps on one axis, the colours in the order of the variants.
+fn profile_figure(campaign: &Campaign, variants: &[Variant], name: &str, heaps: Heaps) -> Figure {
+    let columns = columns(campaign);
+    let all = heaps.profiles.len();
+    let profiles: Vec<Profile> = heaps.profiles.into_iter().step_by(all.div_ceil(MOST_PROFILES).max(1)).collect();
+    let count = profiles.len();
+    let every = count.div_ceil(MOST_NAMES).max(1);
+    let layer = |(place, profile): (usize, Profile)| Layer {
+        label: if place % every == 0 { short_label(&columns, &variants[profile.variant]) } else { String::new() },
+        colour: place,
+        marks: Marks::Line(profile.points),
+    };
+    let shown = if count < all { format!("{count} of {all}") } else { format!("{count}") };
+    Figure {
+        title: format!("{}: surface of {name}", campaign.title),
+        x: Axis { label: format!("{} [mm]", ["x", "y"][heaps.along]), ..Axis::default() },
+        y: Axis { label: "z [mm]".to_owned(), ..Axis::default() },
+        layers: profiles.into_iter().enumerate().map(layer).collect(),
+        ordered_colours: count,
+        caption: format!(
+            "Highest sphere tops, medians across in bins of about one median diameter, at the end of the run; first replicate of {shown} variants."
+        ),
+    }
 }
 
 /// The name of a variant without the units, which the legend has no room for.

@@ -9,6 +9,7 @@
 
 pub mod claim;
 pub mod clean;
+mod factors;
 pub mod figures;
 pub mod file;
 pub mod latin_hypercube;

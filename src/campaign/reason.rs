@@ -165,7 +165,9 @@ fn reason(
         State::HeldUp(by) => format!("waits for {} {}", graph.tasks[*by].group(), graph.tasks[*by].name()),
         State::NotNeeded => "everything downstream of it is stored".to_owned(),
         State::Due => {
-            let Some(stored) = contents.stages.get(&task.group()).filter(|names| names.iter().any(is_result)) else {
+            let Some(stored) =
+                contents.stages.get(&task.group()).filter(|names| names.iter().any(|name| is_result(name)))
+            else {
                 return "new: no result of this stage is stored".to_owned();
             };
             *compared += 1;
@@ -178,7 +180,7 @@ fn reason(
     }
 }
 
-fn is_result(name: &String) -> bool {
+fn is_result(name: &str) -> bool {
     !name.ends_with(STAGING_SUFFIX)
 }
 

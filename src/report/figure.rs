@@ -8,7 +8,7 @@ pub(super) const FIGURE_WIDTH: f64 = 720.0;
 const PLOT: [f64; 2] = [80.0, 690.0];
 const PLOT_TOP: f64 = 40.0;
 const PLOT_HEIGHT: f64 = 380.0;
-const LETTERS_A_LINE: usize = 95;
+const LETTERS_A_LINE: usize = 84;
 
 /// A figure.
 #[derive(Debug, Clone, PartialEq, Default)]
