@@ -153,8 +153,11 @@ impl Claim {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(None),
             Err(source) => return Err(StorageError::system("create", &path, source)),
         };
-        let failed = |source| StorageError::system("write", &path, source);
-        file.write_all(content(0).as_bytes()).map_err(failed)?;
+        if let Err(source) = file.write_all(content(0).as_bytes()) {
+            // A claim of nobody would hold everybody up until it is given up.
+            drop(fs::remove_file(&path));
+            return Err(StorageError::system("write", &path, source));
+        }
         drop(file);
         let ended = Arc::new(AtomicBool::new(false));
         let next = claims.join(format!("{task}.{}", generation + 1));

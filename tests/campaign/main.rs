@@ -10,6 +10,7 @@ mod program;
 
 mod broken_off;
 mod common;
+mod example;
 mod failing;
 mod files;
 mod reuse;
