@@ -4,7 +4,7 @@ use super::CampaignError;
 use super::file::Campaign;
 use super::results::{Load, Results};
 use super::status::State;
-use super::task::Graph;
+use super::task::{Graph, Run};
 use super::variant::{Variant, columns, label, shown};
 use super::workspace::Workspace;
 use crate::analysis::angle_of_repose::angle_of_repose;
@@ -13,7 +13,7 @@ use crate::output::final_state;
 use crate::report::figure::{Axis, Figure, Layer, Marks};
 use crate::scene::{self, MeasureKind};
 use crate::storage::staging::write_whole;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// Profiles in one figure.
@@ -72,11 +72,16 @@ fn profiles(
     results: &Results,
 ) -> Result<Vec<(String, Figure)>, CampaignError> {
     let mut found: BTreeMap<String, Heaps> = BTreeMap::new();
+    // Spread over all variants: more lines than can be told apart need not be read.
+    let first = |run: &&Run| run.replicate == 1 && run.refused.is_none();
+    let all: Vec<usize> = graph.runs.iter().filter(first).map(|run| run.variant).collect();
+    let every = all.len().div_ceil(MOST_PROFILES).max(1);
+    let drawn: BTreeSet<usize> = all.iter().copied().step_by(every).collect();
     for (run, index, _) in results.leaves(graph) {
         let (run, task) = (&graph.runs[run], &graph.tasks[index]);
         let State::Stored(folder) = &states[index] else { continue };
         let Some(file) = final_state::place(&workspace.place(&task.group(), folder)) else { continue };
-        if run.replicate != 1 {
+        if run.replicate != 1 || !drawn.contains(&run.variant) {
             continue;
         }
         let Ok((scene, _)) = scene::read(&campaign.scene, &task.settings) else { continue };
@@ -93,17 +98,16 @@ fn profiles(
             heaps.profiles.push(Profile { variant: run.variant, points });
         }
     }
-    let drawn = |(name, heaps): (String, Heaps)| {
-        (format!("profiles-{}", file_name(&name)), profile_figure(campaign, variants, &name, heaps))
+    let figure = |(name, heaps): (String, Heaps)| {
+        (format!("profiles-{}", file_name(&name)), profile_figure(campaign, variants, &name, heaps, all.len()))
     };
-    Ok(found.into_iter().map(drawn).collect())
+    Ok(found.into_iter().map(figure).collect())
 }
 
-/// Heaps on one axis, the colours in the order of the variants.
-fn profile_figure(campaign: &Campaign, variants: &[Variant], name: &str, heaps: Heaps) -> Figure {
+/// Heaps of some of `all` variants on one axis, the colours in the order of the variants.
+fn profile_figure(campaign: &Campaign, variants: &[Variant], name: &str, heaps: Heaps, all: usize) -> Figure {
     let columns = columns(campaign);
-    let all = heaps.profiles.len();
-    let profiles: Vec<Profile> = heaps.profiles.into_iter().step_by(all.div_ceil(MOST_PROFILES).max(1)).collect();
+    let profiles = heaps.profiles;
     let count = profiles.len();
     let every = count.div_ceil(MOST_NAMES).max(1);
     let layer = |(place, profile): (usize, Profile)| Layer {
