@@ -283,7 +283,11 @@ impl DryRun {
         let width = self.tasks.iter().map(|row| row.stage.len()).max().unwrap_or(0);
         let shown = self.tasks.iter().filter(|row| row.runs).chain(self.tasks.iter().filter(|row| !row.runs));
         for row in shown.take(MOST_ROWS) {
-            let what = if row.runs { "run" } else { "keep" };
+            let what = match (row.runs, row.state) {
+                (true, _) => "run",
+                (false, "done") => "keep",
+                (false, _) => "leave",
+            };
             let many = if row.users > 1 { format!(" (for {} runs)", row.users) } else { String::new() };
             let _ = write!(text, "\n{what:<5} {:<width$}  {}{many}\n      {}", row.stage, row.variant, row.reason);
         }

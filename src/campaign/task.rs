@@ -24,8 +24,6 @@ pub struct Task {
     pub stage: String,
     /// True where it is a whole run.
     pub is_whole: bool,
-    /// Who computes it.
-    pub backend: &'static str,
     /// Processor cores that it takes; `None` where it takes as many as it is given.
     pub cores: Option<usize>,
     /// Settings of the first variant and replicate that need it: dotted key, TOML value.
@@ -245,7 +243,6 @@ fn drafts(prepared: &Prepared, request: &RunRequest, calibration: Option<Calibra
             outputs: recipe.outputs,
             stage: job.name.clone(),
             is_whole: request.whole,
-            backend: job.backend.text(),
             cores: (job.backend == BackendName::Liggghts).then_some(job.scene.liggghts.ranks as usize),
             settings: request.settings.clone(),
             upstream: Vec::new(),

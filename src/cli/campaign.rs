@@ -296,11 +296,11 @@ fn tell(status: &Status) -> Result<u8, CampaignError> {
     if told > MOST_TOLD {
         print::result(&format!("... and {} more", told - MOST_TOLD));
     }
-    let is_done = |state: &State| matches!(state, State::Stored(_) | State::NotNeeded);
-    let done = states.iter().all(is_done) && graph.runs.iter().all(|run| run.refused.is_none());
+    let is_wrong = |state: &State| matches!(state, State::Failed(_) | State::HeldUp(_));
+    let has_failed = states.iter().any(is_wrong) || graph.runs.iter().any(|run| run.refused.is_some());
     let place = opened.workspace.root.display();
     print::result(&format!("results in {place}, {} on disk", megabytes(results::size_of(&opened.workspace.root))));
-    Ok(if done { exit_code::DONE } else { exit_code::VARIANTS_FAILED })
+    Ok(if has_failed { exit_code::VARIANTS_FAILED } else { exit_code::DONE })
 }
 
 /// Failures and running stages that `status` tells in full.

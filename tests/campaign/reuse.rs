@@ -99,9 +99,7 @@ fn a_new_output_is_asked_for_and_one_that_is_taken_back_is_not() {
     assert_eq!(due(&dry), [("heap".to_owned(), (2, 2)), ("hopper".to_owned(), (0, 1))].into(), "{dry:#}");
     assert!(reasons(&dry).iter().all(|reason| reason.contains("lacks measures.contacts")), "{dry:#}");
     assert_eq!(run(&bench, &["--rerun", "outputs"]).code, 0);
-    assert!(
-        results(&bench).iter().all(|row| row.contains_key("heap.contacts") || row.contains_key("heap.contacts_mean"))
-    );
+    assert!(results(&bench).iter().all(|row| row["heap.contacts"].parse::<f64>().is_ok()));
     // Back to the old outputs: both results have them.
     fs::write(bench.path("scene.toml"), scene).unwrap();
     assert!(reasons(&dry_run(&bench, &[])).is_empty());

@@ -1,7 +1,6 @@
 //! On this computer: fills the cores, respects the memory, goes on where a task fails.
 
-use super::Board;
-use super::Outcome;
+use super::{Board, Outcome};
 use crate::backend::native::processor::physical_cores;
 use crate::campaign::CampaignError;
 use crate::campaign::claim::Holder;
