@@ -175,31 +175,25 @@ fn measures(campaign: &Campaign, variants: &[Variant], results: &Results) -> Vec
 
 /// Load over the number of downstream runs: after figure 8 of patent JP5440448B2.
 fn load_figure(campaign: &Campaign, load: &Load) -> Figure {
-    let runs = load.downstream_runs as f64;
-    let (upstream, b) = (load.upstream_cpu_s * load.upstream_runs as f64, load.downstream_cpu_s);
+    let account = &load.account;
+    let (runs, a, b) = (account.downstream_runs as f64, account.upstream_cpu_s, account.downstream_cpu_s);
     let line = |first: f64, slope: f64| vec![[0.0, first], [runs, first + slope * runs]];
+    let upstream = a * account.upstream_runs as f64;
+    let split = line(upstream, account.median_downstream_cpu_s());
+    let measured = vec![[runs, account.split_cpu_s, 0.0]];
     let mut layers = vec![
-        Layer { label: "split: A X + B Y".to_owned(), colour: 0, marks: Marks::Line(line(upstream, b)) },
-        Layer {
-            label: "unsplit: (A + B) Y".to_owned(),
-            colour: 1,
-            marks: Marks::DashedLine(line(0.0, load.upstream_cpu_s + b)),
-        },
-        Layer {
-            label: "split, measured".to_owned(),
-            colour: 0,
-            marks: Marks::Points(vec![[runs, load.split_cpu_s, 0.0]]),
-        },
+        Layer { label: "split: A X + B Y".to_owned(), colour: 0, marks: Marks::Line(split) },
+        Layer { label: "unsplit: (A + B) Y".to_owned(), colour: 1, marks: Marks::DashedLine(line(0.0, a + b)) },
+        Layer { label: "split, measured".to_owned(), colour: 0, marks: Marks::Points(measured) },
     ];
     let mut caption = format!(
-        "A = {:.1} s of processor time, run X = {} times; B = {:.1} s, Y = {} times. Measured: split {:.1} s, {:+.1} % off A X + B Y; (A + B) Y is {:.2} times A X + B Y.",
-        load.upstream_cpu_s,
-        load.upstream_runs,
-        b,
-        load.downstream_runs,
-        load.split_cpu_s,
-        100.0 * (load.split_cpu_s / load.split_forecast_cpu_s - 1.0),
-        load.ratio_forecast
+        "A = {a:.1} s of processor time, run X = {} times; B = {b:.1} s in the mean, {:.1} s in the median, Y = {} times. Measured: split {:.1} s, {:+.1} % off A X + B Y with the median B; (A + B) Y is {:.2} times the measured split.",
+        account.upstream_runs,
+        account.median_downstream_cpu_s(),
+        account.downstream_runs,
+        account.split_cpu_s,
+        100.0 * (account.split_cpu_s / account.split_forecast_cpu_s - 1.0),
+        account.ratio
     );
     if let (Some(whole), Some(unsplit), Some(ratio)) = (load.whole_cpu_s, load.unsplit_cpu_s, load.ratio_measured) {
         layers.push(Layer {

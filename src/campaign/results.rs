@@ -7,7 +7,7 @@ use super::task::{Graph, Run};
 use super::variant::{Variant, columns};
 use super::workspace::Workspace;
 use crate::analysis::replicates::{ReplicateFigure, figures};
-use crate::output::summary::Summary;
+use crate::output::summary::{LoadAccount, Summary};
 use crate::storage::StorageError;
 use crate::storage::staging::write_whole;
 use serde::Serialize;
@@ -54,31 +54,18 @@ pub struct ResultRow {
     pub keys: Vec<(String, String)>,
 }
 
-/// What the split costs and saves in processor time, after figure 8 of patent JP5440448B2.
+/// What the split costs and saves in processor time, forecast and measured.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Load {
-    /// X: upstream stages that were computed, counted as chains: runs of the upstream.
-    pub upstream_runs: usize,
-    /// A: mean processor time of one [s].
-    pub upstream_cpu_s: f64,
-    /// Y: runs of the downstream.
-    pub downstream_runs: usize,
-    /// B: median processor time of one [s].
-    pub downstream_cpu_s: f64,
-    /// Measured: processor time of all stages [s].
-    pub split_cpu_s: f64,
-    /// A X + B Y [s].
-    pub split_forecast_cpu_s: f64,
-    /// (A + B) Y: what the same costs where nothing is stored, by forecast [s].
-    pub unsplit_forecast_cpu_s: f64,
+    /// The account of the stages.
+    #[serde(flatten)]
+    pub account: LoadAccount,
     /// Whole runs that were measured.
     pub whole_runs: usize,
     /// Mean processor time of one [s]; null without any.
     pub whole_cpu_s: Option<f64>,
-    /// Y times that: what the same costs where nothing is stored, measured [s]; null without any.
+    /// max(X, Y) times that: what the same costs where nothing is stored, measured [s]; null without any.
     pub unsplit_cpu_s: Option<f64>,
-    /// Unsplit by forecast over split by forecast [-].
-    pub ratio_forecast: f64,
     /// Unsplit over split, both measured [-]; null without whole runs.
     pub ratio_measured: Option<f64>,
 }
@@ -185,30 +172,16 @@ fn load(graph: &Graph, summaries: &BTreeMap<usize, Summary>) -> Option<Load> {
         !task.is_whole && !task.is_leaf && task.upstream.is_empty() && summaries.contains_key(index)
     };
     let chains = (0..graph.tasks.len()).filter(is_first).count();
-    if chains == 0 || downstream.is_empty() {
-        return None;
-    }
-    let mut sorted = downstream.clone();
-    sorted.sort_by(f64::total_cmp);
-    let (a, b) = (upstream.iter().sum::<f64>() / chains as f64, sorted[sorted.len() / 2]);
-    let runs = downstream.len() as f64;
-    let split = upstream.iter().sum::<f64>() + downstream.iter().sum::<f64>();
-    let forecast = a * chains as f64 + b * runs;
-    let unsplit_forecast = (a + b) * runs;
+    let account = LoadAccount::of(&upstream, chains, &downstream)?;
+    let memory = summaries.values().filter_map(|summary| summary.stages.first()?.peak_memory_bytes).max();
     let whole_mean = (!whole.is_empty()).then(|| whole.iter().sum::<f64>() / whole.len() as f64);
+    let unsplit = whole_mean.map(|mean| mean * account.upstream_runs.max(account.downstream_runs) as f64);
     Some(Load {
-        upstream_runs: chains,
-        upstream_cpu_s: a,
-        downstream_runs: downstream.len(),
-        downstream_cpu_s: b,
-        split_cpu_s: split,
-        split_forecast_cpu_s: forecast,
-        unsplit_forecast_cpu_s: unsplit_forecast,
         whole_runs: whole.len(),
         whole_cpu_s: whole_mean,
-        unsplit_cpu_s: whole_mean.map(|mean| mean * runs),
-        ratio_forecast: unsplit_forecast / forecast,
-        ratio_measured: whole_mean.map(|mean| mean * runs / split),
+        unsplit_cpu_s: unsplit,
+        ratio_measured: unsplit.map(|unsplit| unsplit / account.split_cpu_s),
+        account: LoadAccount { peak_memory_bytes: memory, ..account },
     })
 }
 
@@ -216,18 +189,19 @@ impl Load {
     /// In words.
     #[must_use]
     pub fn to_text(&self) -> String {
+        let account = &self.account;
         let mut text = format!(
-            "load: A X + B Y = {:.1} s x {} + {:.1} s x {} = {:.1} s of processor time; measured {:.1} s ({:+.1} %)\n\
-             unsplit by forecast (A + B) Y = {:.1} s: {:.2} times",
-            self.upstream_cpu_s,
-            self.upstream_runs,
-            self.downstream_cpu_s,
-            self.downstream_runs,
-            self.split_forecast_cpu_s,
-            self.split_cpu_s,
-            100.0 * (self.split_cpu_s / self.split_forecast_cpu_s - 1.0),
-            self.unsplit_forecast_cpu_s,
-            self.ratio_forecast
+            "load: A X + B Y with the median B = {:.1} s x {} + {:.1} s x {} = {:.1} s of processor time; measured {:.1} s ({:+.1} %)\n\
+             unsplit by forecast (A + B) max(X, Y) = {:.1} s: {:.2} times",
+            account.upstream_cpu_s,
+            account.upstream_runs,
+            account.median_downstream_cpu_s(),
+            account.downstream_runs,
+            account.split_forecast_cpu_s,
+            account.split_cpu_s,
+            100.0 * (account.split_cpu_s / account.split_forecast_cpu_s - 1.0),
+            account.unsplit_forecast_cpu_s,
+            account.ratio
         );
         if let (Some(whole), Some(unsplit), Some(ratio)) = (self.whole_cpu_s, self.unsplit_cpu_s, self.ratio_measured) {
             text += &format!(

@@ -132,6 +132,40 @@ pub struct LoadAccount {
     pub peak_memory_bytes: Option<u64>,
 }
 
+impl LoadAccount {
+    /// Of the processor times [s] of all upstream stages, which `upstream_runs` runs of the upstream consist of, and of each downstream
+    /// run; `None` where one of them is missing.
+    #[must_use]
+    pub fn of(upstream: &[f64], upstream_runs: usize, downstream: &[f64]) -> Option<Self> {
+        if upstream_runs == 0 || downstream.is_empty() {
+            return None;
+        }
+        let (x, y) = (upstream_runs as f64, downstream.len() as f64);
+        let (all_upstream, all_downstream): (f64, f64) = (upstream.iter().sum(), downstream.iter().sum());
+        let (a, b) = (all_upstream / x, all_downstream / y);
+        let mut each = downstream.to_vec();
+        each.sort_by(f64::total_cmp);
+        let (split, unsplit) = (all_upstream + all_downstream, (a + b) * x.max(y));
+        Some(Self {
+            upstream_cpu_s: a,
+            upstream_runs: upstream_runs as u64,
+            downstream_cpu_s: b,
+            downstream_runs: downstream.len() as u64,
+            split_cpu_s: split,
+            split_forecast_cpu_s: all_upstream + each[each.len() / 2] * y,
+            unsplit_forecast_cpu_s: unsplit,
+            ratio: unsplit / split,
+            peak_memory_bytes: None,
+        })
+    }
+
+    /// The median of the downstream runs' processor times, which the forecast of the split rests on [s].
+    #[must_use]
+    pub fn median_downstream_cpu_s(&self) -> f64 {
+        (self.split_forecast_cpu_s - self.upstream_cpu_s * self.upstream_runs as f64) / self.downstream_runs as f64
+    }
+}
+
 /// One feed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct FeedSummary {
@@ -278,6 +312,26 @@ mod tests {
         let path = folder.path().join("summary.json");
         sample().write(&path).unwrap();
         assert_eq!(Summary::read(&path).unwrap(), sample());
+    }
+
+    #[test]
+    fn a_load_is_that_of_the_patents_example() {
+        // Figure 8: A = 10 once, B = 2 ten times: 30 where the stream is stored, 120 where it is not, 4 times.
+        let load = LoadAccount::of(&[4.0, 6.0], 1, &[2.0; 10]).unwrap();
+        assert_eq!((load.upstream_cpu_s, load.downstream_cpu_s, load.split_cpu_s), (10.0, 2.0, 30.0));
+        assert_eq!((load.split_forecast_cpu_s, load.unsplit_forecast_cpu_s, load.ratio), (30.0, 120.0, 4.0));
+        // The mean counts for the load, the median for its forecast.
+        let uneven = LoadAccount::of(&[10.0, 10.0], 2, &[1.0, 2.0, 6.0]).unwrap();
+        assert_eq!(
+            (uneven.upstream_cpu_s, uneven.downstream_cpu_s, uneven.median_downstream_cpu_s()),
+            (10.0, 3.0, 2.0)
+        );
+        assert_eq!(
+            (uneven.split_cpu_s, uneven.split_forecast_cpu_s, uneven.unsplit_forecast_cpu_s),
+            (29.0, 26.0, 39.0)
+        );
+        assert_eq!(LoadAccount::of(&[], 0, &[1.0]), None);
+        assert_eq!(LoadAccount::of(&[1.0], 1, &[]), None);
     }
 
     #[test]

@@ -129,8 +129,11 @@ fn replicates_whole_runs_and_load_are_in_the_tables() {
     assert_eq!((load["upstream_runs"].as_u64(), load["downstream_runs"].as_u64()), (Some(2), Some(4)));
     assert_eq!(load["whole_runs"], 2);
     let (a, b) = (load["upstream_cpu_s"].as_f64().unwrap(), load["downstream_cpu_s"].as_f64().unwrap());
-    let forecast = load["split_forecast_cpu_s"].as_f64().unwrap();
-    assert!((forecast - (2.0 * a + 4.0 * b)).abs() < 1e-9, "{load:#}");
+    let (split, ratio) = (load["split_cpu_s"].as_f64().unwrap(), load["ratio"].as_f64().unwrap());
+    assert!((split - (2.0 * a + 4.0 * b)).abs() < 1e-9, "{load:#}");
+    assert!((ratio - 4.0 * (a + b) / split).abs() < 1e-9, "{load:#}");
+    let whole = load["whole_cpu_s"].as_f64().unwrap();
+    assert!((load["ratio_measured"].as_f64().unwrap() - 4.0 * whole / split).abs() < 1e-9, "{load:#}");
     // The mean of two replicates, and an interval of one degree of freedom: t = tan(0.475 pi) times half their difference.
     let text = bench.text("out/summary.csv");
     let line = text.lines().find(|line| line.contains("heap.centre_z_m")).unwrap();
