@@ -112,14 +112,19 @@ impl<R: Lanes> CorrectionRows<R> {
     /// Full-step velocities from those that the laws `saw`, with the accelerations at both ends of the time step.
     #[inline(always)]
     fn velocities(&self, saw: [R; 2], old: [R; 2], new: [R; 2]) -> [R; 2] {
-        let linear = saw[0] + (new[0] * self.half + old[0] * self.rest) * self.dt;
-        let angular = saw[1] + (new[1] * self.half + old[1] * self.rest) * self.dt;
-        [linear, first_three(angular, saw[1])]
+        let angular = saw[1] + self.change(old[1], new[1]);
+        [saw[0] + self.change(old[0], new[0]), first_three(angular, saw[1])]
+    }
+
+    /// What accelerations at both ends of the time step add to a velocity that the laws saw.
+    #[inline(always)]
+    fn change(&self, old: R, new: R) -> R {
+        (new * self.half + old * self.rest) * self.dt
     }
 }
 
-/// x += v dt + a dt^2 / 2, v += a lead dt, and spins likewise. With `LATE`, the time step before is completed first.
-pub(super) struct Advance<'a, const LATE: bool> {
+/// The particles of a chunk that a time step moves.
+pub(super) struct Moved<'a> {
     pub spheres: &'a mut [Sphere],
     pub velocities: &'a mut [Velocity],
     pub accelerations: &'a mut [Acceleration],
@@ -128,7 +133,12 @@ pub(super) struct Advance<'a, const LATE: bool> {
     pub correction: &'a Correction,
     /// Open borders, lower and upper.
     pub domain: &'a [[f64; 4]; 2],
+    /// Places of those who were touched lately, ascending, where the records of all others say that they fall freely.
+    pub among_falling: Option<&'a [u32]>,
 }
+
+/// x += v dt + a dt^2 / 2, v += a lead dt, and spins likewise. With `LATE`, the time step before is completed first.
+pub(super) struct Advance<'a, const LATE: bool>(pub Moved<'a>);
 
 /// `changed` in the first three lanes, `kept` in the last: the radius, or what is no number.
 #[inline(always)]
@@ -141,45 +151,128 @@ impl<const LATE: bool> LaneWork for Advance<'_, LATE> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> MotionNote {
-        let Self { spheres, velocities, accelerations, loads, correction, domain } = self;
-        let number = L::Row::splat;
-        let Correction { dt, lead, .. } = *correction;
-        let late = CorrectionRows::<L::Row>::new(correction);
-        let (dt, half_square, lead) = (number(dt), number(0.5 * dt * dt), number(lead * dt));
-        let [lower, upper] = read([&domain[0], &domain[1]]);
-        let (zero, mut sum) = (L::Row::zero(), L::Row::zero());
-        let mut note = MotionNote::default();
-        let particles = spheres.iter_mut().zip(velocities).zip(accelerations).zip(loads);
-        for (((sphere, velocity), acceleration), load) in particles {
-            let mut a = read::<L::Row>(acceleration.rows());
-            let inverse_mass = velocity.inverse_mass;
-            let [v, w] = velocity.rows_mut();
-            let mut full = read::<L::Row>([v, w]);
-            if LATE {
-                let new = late.accelerations(load, inverse_mass, sphere.radius);
-                full = late.velocities(full, a, new);
-                a = new;
-                write(new, acceleration.rows_mut());
+        let Moved { spheres, velocities, accelerations, loads, correction, domain, among_falling } = self.0;
+        let mut motion = Motion::<L::Row>::new(correction);
+        if let Some(places) = among_falling {
+            let mut next = 0;
+            for place in places.iter().map(|&place| place as usize) {
+                motion.fall(&mut spheres[next..place], &mut velocities[next..place]);
+                let (sphere, velocity) = (&mut spheres[place], &mut velocities[place]);
+                motion.advance::<LATE>(sphere, velocity, &mut accelerations[place], &loads[place]);
+                next = place + 1;
             }
-            let [linear, angular] = a;
-            let way = full[0] * dt + linear * half_square;
-            let place = L::Row::from_slice(sphere.row());
-            let centre = first_three(place + way, place);
-            centre.write_to(sphere.row_mut());
-            // The inverse mass stays as it is: its acceleration is 0.
-            let seen = full[0] + linear * lead;
-            seen.write_to(v);
-            let turned = full[1] + angular * lead;
-            first_three(turned, full[1]).write_to(w);
-            let mut square = [0.0; 4];
-            (way * way).write_to(&mut square);
-            note.farthest_squared = note.farthest_squared.max(square[0] + square[1] + square[2]);
-            note.leaves |= (centre.below(lower) | centre.exceeds(upper)).any();
-            let turned = first_three(turned, zero);
-            sum = sum + (centre * centre + (seen * seen + turned * turned));
+            motion.fall(&mut spheres[next..], &mut velocities[next..]);
+        } else {
+            let particles = spheres.iter_mut().zip(velocities).zip(accelerations).zip(loads);
+            for (((sphere, velocity), acceleration), load) in particles {
+                motion.advance::<LATE>(sphere, velocity, acceleration, load);
+            }
         }
-        note.is_moderate = is_moderate(sum);
-        note
+        motion.note(domain)
+    }
+}
+
+/// A time step's numbers as rows, and what moving particles by them has found so far.
+struct Motion<R: Lanes> {
+    late: CorrectionRows<R>,
+    dt: R,
+    half_square: R,
+    lead: R,
+    /// What free fall adds to the velocity that the laws saw, to reach the full step; to the place, besides v dt; to the velocity, for the laws.
+    falling: [R; 3],
+    /// Square of the longest way [m2].
+    farthest_squared: f64,
+    /// Smallest and largest coordinates [m].
+    extent: [R; 2],
+    /// Sum of the squares of places and velocities.
+    squares: R,
+}
+
+impl<R: Lanes> Motion<R> {
+    #[inline(always)]
+    fn new(correction: &Correction) -> Self {
+        let Correction { dt, lead, .. } = *correction;
+        let late = CorrectionRows::<R>::new(correction);
+        // The same bits whatever its mass and radius.
+        let [fall, _] = late.accelerations(&Load::ZERO, 1.0, 1.0);
+        let [dt, half_square, lead] = [dt, 0.5 * dt * dt, lead * dt].map(R::splat);
+        Self {
+            falling: [late.change(fall, fall), fall * half_square, fall * lead],
+            late,
+            dt,
+            half_square,
+            lead,
+            farthest_squared: 0.0,
+            extent: [R::splat(f64::INFINITY), R::splat(f64::NEG_INFINITY)],
+            squares: R::zero(),
+        }
+    }
+
+    /// Moves a particle by what its records say.
+    #[inline(always)]
+    fn advance<const LATE: bool>(
+        &mut self,
+        sphere: &mut Sphere,
+        velocity: &mut Velocity,
+        acceleration: &mut Acceleration,
+        load: &Load,
+    ) {
+        let mut a = read::<R>(acceleration.rows());
+        let inverse_mass = velocity.inverse_mass;
+        let [v, w] = velocity.rows_mut();
+        let mut full = read::<R>([v, w]);
+        if LATE {
+            let new = self.late.accelerations(load, inverse_mass, sphere.radius);
+            full = self.late.velocities(full, a, new);
+            a = new;
+            write(new, acceleration.rows_mut());
+        }
+        let [linear, angular] = a;
+        let centre = self.shift(sphere, full[0], linear * self.half_square);
+        // The inverse mass stays as it is: its acceleration is 0.
+        let seen = full[0] + linear * self.lead;
+        seen.write_to(v);
+        let turned = full[1] + angular * self.lead;
+        first_three(turned, full[1]).write_to(w);
+        let turned = first_three(turned, R::zero());
+        self.squares = self.squares + (centre * centre + (seen * seen + turned * turned));
+    }
+
+    /// Moves particles that have fallen freely since they were last moved by their records, and do so now: the same bits as by these. Their spins
+    /// stay, and what was moderate then is so after any number of time steps.
+    #[inline(always)]
+    fn fall(&mut self, spheres: &mut [Sphere], velocities: &mut [Velocity]) {
+        let [completed, way, ahead] = self.falling;
+        for (sphere, velocity) in spheres.iter_mut().zip(velocities) {
+            let [v, _] = velocity.rows_mut();
+            let full = R::from_slice(v) + completed;
+            self.shift(sphere, full, way);
+            (full + ahead).write_to(v);
+        }
+    }
+
+    /// Moves a sphere by v dt and `more` [m].
+    #[inline(always)]
+    fn shift(&mut self, sphere: &mut Sphere, velocity: R, more: R) -> R {
+        let way = velocity * self.dt + more;
+        let place = R::from_slice(sphere.row());
+        let centre = first_three(place + way, place);
+        centre.write_to(sphere.row_mut());
+        let mut square = [0.0; 4];
+        (way * way).write_to(&mut square);
+        self.farthest_squared = self.farthest_squared.max(square[0] + square[1] + square[2]);
+        self.extent = [centre.smaller(self.extent[0]), centre.larger(self.extent[1])];
+        centre
+    }
+
+    #[inline(always)]
+    fn note(&self, domain: &[[f64; 4]; 2]) -> MotionNote {
+        let ([lower, upper], [least, most]) = (read::<R>([&domain[0], &domain[1]]), self.extent);
+        MotionNote {
+            farthest_squared: self.farthest_squared,
+            leaves: (least.below(lower) | most.exceeds(upper)).any(),
+            is_moderate: is_moderate(self.squares),
+        }
     }
 }
 
@@ -195,8 +288,12 @@ fn is_moderate<R: Lanes>(squares: R) -> bool {
     squares.to_array().iter().sum::<f64>() < MODERATE
 }
 
-/// Whether all loads are numbers far from overflow.
-pub(super) struct ModerateLoads<'a>(pub &'a [Load]);
+/// Whether all loads of a chunk's particles are numbers far from overflow.
+pub(super) struct ModerateLoads<'a> {
+    pub loads: &'a [Load],
+    /// Places of those who carry one, where they are known.
+    pub of: Option<&'a [u32]>,
+}
 
 impl LaneWork for ModerateLoads<'_> {
     type Output = bool;
@@ -204,9 +301,13 @@ impl LaneWork for ModerateLoads<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) -> bool {
         let mut sum = L::Row::zero();
-        for load in self.0 {
+        let mut add = |load: &Load| {
             let [force, torque] = read::<L::Row>(load.rows());
             sum = sum + (force * force + torque * torque);
+        };
+        match self.of {
+            Some(places) => places.iter().for_each(|&place| add(&self.loads[place as usize])),
+            None => self.loads.iter().for_each(add),
         }
         is_moderate(sum)
     }

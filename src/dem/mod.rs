@@ -36,6 +36,7 @@ mod survey;
 pub mod tether;
 pub mod threads;
 pub mod timescale;
+pub mod touched;
 pub mod view;
 pub mod wall;
 pub mod wall_contacts;

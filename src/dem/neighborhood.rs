@@ -10,6 +10,7 @@ use super::particles::{Particles, Sphere, Velocity};
 use super::sleep::ChunkRest;
 use super::survey::{displacement_unless, only_material, radii};
 use super::threads::Threads;
+use super::touched::Touched;
 use super::wall::Walls;
 use super::wall_contacts::PartLoad;
 use super::wall_list::{WallContact, WallList};
@@ -37,6 +38,8 @@ pub struct Chunk {
     pub(super) scratch: Scratch,
     /// Storage of an inner list that is not used any more.
     worn: InnerList,
+    /// Who of its particles is touched.
+    pub(super) touched: Touched,
     /// What its contacts took in this time step.
     pub tally: Tally,
     /// Force of the normal springs on each of its particles [N]; empty where losses are not accounted for.

@@ -9,6 +9,7 @@ use super::meeting::{Block, ContactScene, Near};
 use super::neighbor::list::{Images, InnerList, Memory, PairMemory, effective_mass, effective_radius};
 use super::particles::Load;
 use super::resting::{Rest, Run};
+use super::touched::Effects;
 use crate::math::Vec3;
 use crate::math::lanes::{LaneVector, Lanes, MOST_LANES, Mask};
 use std::ops::Range;
@@ -70,41 +71,33 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
     /// Share of a pair's losses that is booked here.
     const SHARE: f64 = if BOTH { 1.0 } else { 0.5 };
 
-    /// Adds the loads of the list's pairs to `loads`, those of the chunk's particles, in the list's order: the number of lanes
-    /// changes no bit.
+    /// Adds the loads of the list's pairs to those of the chunk's particles, in the list's order: the number of lanes changes no bit.
     #[inline(always)]
-    pub fn add_loads(&self, list: &mut InnerList, loads: &mut [Load], springs: &mut [Vec3], tally: &mut Tally) {
+    pub fn add_loads(&self, list: &mut InnerList, effects: &mut Effects) {
         // Summed apart from the other losses: how many blocks go together must not change the order.
         let mut ended = 0.0;
         let whole = [Run::moving(list.len())];
         let sorted = self.scene.sleeping.then(|| list.runs_by_rest(self.scene.velocities));
         for run in sorted.as_deref().unwrap_or(&whole) {
             if run.rest != Rest::Known {
-                self.compute(list, run, loads, springs, tally, &mut ended);
+                self.compute(list, run, effects, &mut ended);
             }
             if run.rest != Rest::Moving {
-                self.add_kept(list, run.pairs.clone(), loads);
+                self.add_kept(list, run.pairs.clone(), effects.loads);
             }
         }
-        tally.slip += Self::SHARE * ended;
+        effects.tally.slip += Self::SHARE * ended;
     }
 
     /// Adds the loads of a run of moving pairs, or keeps those of pairs that have come to rest: these lose nothing, and remember
     /// what they did.
     #[inline(always)]
-    fn compute(
-        &self,
-        list: &mut InnerList,
-        run: &Run,
-        loads: &mut [Load],
-        springs: &mut [Vec3],
-        tally: &mut Tally,
-        ended: &mut f64,
-    ) {
+    fn compute(&self, list: &mut InnerList, run: &Run, effects: &mut Effects, ended: &mut f64) {
+        let Effects { loads, springs, tally, touched } = effects;
         let rests = run.rest == Rest::New;
         let held = rests.then(|| list.memory.part(run.pairs.clone()));
         let (mut no_tally, mut none_ended) = (Tally::default(), 0.0);
-        let (tally, ended) = if rests { (&mut no_tally, &mut none_ended) } else { (tally, ended) };
+        let (tally, ended) = if rests { (&mut no_tally, &mut none_ended) } else { (&mut **tally, ended) };
         let first = run.pairs.start;
         let blocks = run.pairs.len().div_ceil(L::COUNT);
         let mut placed = [Placed::<L>::nowhere(); TOGETHER];
@@ -130,7 +123,12 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
                 continue;
             }
             for number in (0..together).filter(|&number| placed[number].touches.any()) {
-                self.add(&Block::of::<L>(list, from(number)), &pushed[number], loads);
+                let block = Block::of::<L>(list, from(number));
+                self.add(&block, &pushed[number], loads);
+                touched.note(block.own, placed[number].touches.bits());
+                if BOTH {
+                    touched.note(block.partner, placed[number].touches.bits());
+                }
             }
         }
         if let Some(held) = held {

@@ -8,7 +8,9 @@
 //! Where nothing else happens between this correction and the next time step's motion, both are one pass over the particles
 //! (`docs/decisions/late-corrections.md`): the step is then left late, see [`super::particles::Particles`].
 
-use super::integrate::{Advance, Correct, Correction, ModerateLoads, MotionNote, StepNote, acceleration, border_rows};
+use super::integrate::{
+    Advance, Correct, Correction, ModerateLoads, MotionNote, Moved, StepNote, acceleration, border_rows,
+};
 use super::law::Compatibility;
 use super::meeting::ContactScene;
 use super::neighborhood::Chunk;
@@ -16,6 +18,7 @@ use super::pair_contacts::PairKernel;
 use super::particles::{Load, MotionLists};
 use super::pieces::split_at_ranges;
 use super::simulation::{Setup, Simulation};
+use super::touched::Effects;
 use super::wall_contacts::{PartLoad, WallKernel};
 use super::wall_search::WallSearch;
 use crate::math::Vec3;
@@ -59,7 +62,7 @@ impl Simulation {
         let spheres = split_at_ranges(spheres, ranges.iter().cloned());
         let velocities = split_at_ranges(velocities, ranges.iter().cloned());
         let accelerations = split_at_ranges(accelerations, ranges.iter().cloned());
-        let chunks = self.neighborhood.chunks.iter();
+        let chunks = self.neighborhood.chunks.iter_mut();
         let work = chunks.zip(spheres).zip(velocities).zip(accelerations).zip(&mut notes).collect();
         let changes = self.sleep_changes;
         self.threads.for_each(work, |((((chunk, spheres), velocities), accelerations), note)| {
@@ -67,11 +70,10 @@ impl Simulation {
                 return;
             }
             let (loads, domain) = (&loads[chunk.range.clone()], &domain);
-            *note = if late {
-                at_level(simd, Advance::<true> { spheres, velocities, accelerations, loads, correction, domain })
-            } else {
-                at_level(simd, Advance::<false> { spheres, velocities, accelerations, loads, correction, domain })
-            };
+            let among_falling = chunk.touched.among_falling().filter(|_| late);
+            let moved = Moved { spheres, velocities, accelerations, loads, correction, domain, among_falling };
+            *note = if late { at_level(simd, Advance::<true>(moved)) } else { at_level(simd, Advance::<false>(moved)) };
+            chunk.touched.note_motion(late);
         });
         let moved = notes.iter().map(|note| note.farthest_squared).fold(0.0, f64::max).sqrt();
         self.has_leavers = notes.iter().any(|note| note.leaves);
@@ -125,12 +127,13 @@ impl Simulation {
             if chunk.rest.skipped {
                 return;
             }
-            loads.fill(Load::ZERO);
             chunk.part_loads.fill(PartLoad::default());
             let (energy, has_prescribed) = (terms.energy, chunk.has_prescribed);
             let Chunk { walls: list, scratch, .. } = &mut *chunk;
             let search = WallSearch { scene, walls, approached, list, scratch, has_prescribed, energy };
             chunk.tally.slip += at_level(simd, search);
+            let contacts = chunk.own.len() + chunk.cross.len() + chunk.walls.count();
+            chunk.touched.begin(loads, contacts, looks);
             match (terms.friction, terms.rolling, terms.energy) {
                 (false, _, false) => at_level(simd, ChunkLoads::<false, false, false> { scene, walls, chunk, loads }),
                 (false, _, true) => at_level(simd, ChunkLoads::<false, false, true> { scene, walls, chunk, loads }),
@@ -142,7 +145,8 @@ impl Simulation {
             if scene.sleeping {
                 chunk.note_rest(changes, scene.velocities, walls);
             }
-            chunk.is_moderate = looks && at_level(simd, ModerateLoads(loads));
+            chunk.touched.end(chunk.range.start);
+            chunk.is_moderate = looks && at_level(simd, ModerateLoads { loads, of: chunk.touched.places() });
         });
         self.sum_chunks(timestep);
         self.phases.contacts += started.elapsed();
@@ -233,17 +237,18 @@ impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
     fn run<L: Lanes>(self) {
         let Self { scene, walls, chunk, loads } = self;
         let Chunk { range, own, cross, has_prescribed, walls: near, springs, .. } = chunk;
-        let (first, has_prescribed, tally) = (range.start, *has_prescribed, &mut chunk.tally);
+        let (first, has_prescribed) = (range.start, *has_prescribed);
         if ENERGY {
             springs.clear();
             springs.resize(loads.len(), Vec3::zeros());
         }
+        let mut effects = Effects { loads, springs, tally: &mut chunk.tally, touched: &mut chunk.touched };
         PairKernel::<L, true, FRICTION, ROLLING, ENERGY>::new(scene, first, has_prescribed)
-            .add_loads(own, loads, springs, tally);
+            .add_loads(own, &mut effects);
         PairKernel::<L, false, FRICTION, ROLLING, ENERGY>::new(scene, first, has_prescribed)
-            .add_loads(cross, loads, springs, tally);
+            .add_loads(cross, &mut effects);
         let part_loads = &mut chunk.part_loads;
-        WallKernel { scene, walls, first, has_prescribed, loads, springs, part_loads, tally }
+        WallKernel { scene, walls, first, has_prescribed, part_loads, effects }
             .add_loads::<L, FRICTION, ROLLING, ENERGY>(near);
     }
 }
@@ -342,6 +347,52 @@ mod tests {
             let mut simulation = Simulation::new(setup);
             simulation.insert(&[grain(1, 0.0)]);
             assert!(!is_late(&mut simulation));
+        }
+    }
+
+    /// Eight grains far from each other under gravity, but for two that meet.
+    fn thin() -> Simulation {
+        let mut simulation = Simulation::new(Setup { gravity: Vec3::z() * -9.81, ..setup() });
+        let mut states: Vec<ParticleState> = (0..7).map(|k| grain(k, 0.1 * k as f64)).collect();
+        states.push(ParticleState { velocity: Vec3::x() * -1.0, ..grain(7, 2.02e-3) });
+        simulation.insert(&states);
+        simulation
+    }
+
+    fn acted_upon(simulation: &Simulation) -> Option<Vec<u64>> {
+        let places = simulation.neighborhood.chunks[0].touched.among_falling()?;
+        Some(places.iter().map(|&place| simulation.particles.ids[place as usize].serial()).collect())
+    }
+
+    #[test]
+    fn records_of_who_falls_are_not_looked_at_and_of_who_was_touched_are() {
+        let (mut simulation, mut whole) = (thin(), Simulation::new(Setup { momentum: true, ..thin().setup().clone() }));
+        whole.insert(&thin().particles());
+        let mut seen = vec![acted_upon(&simulation)];
+        for step in 0..60 {
+            // What is not a number shows up in whatever it is read for.
+            let falls_unseen = |id: ParticleId| seen.last() != Some(&None) && (1..7).contains(&id.serial());
+            mark(&mut simulation, falls_unseen, f64::NAN);
+            simulation.step().expect("it is stable");
+            mark(&mut simulation, falls_unseen, 0.0);
+            whole.step().expect("it is stable");
+            assert_eq!(simulation.particles(), whole.particles(), "step {step}");
+            seen.push(acted_upon(&simulation));
+            seen.dedup();
+        }
+        assert_eq!(seen, [None, Some(vec![]), Some(vec![0, 7]), Some(vec![])]);
+        simulation.particles.velocities_mut();
+        simulation.step().expect("it is stable");
+        assert_eq!(acted_upon(&simulation), None, "the step before was completed early");
+    }
+
+    /// Overwrites loads and accelerations along x of the particles that `chosen` picks.
+    fn mark(simulation: &mut Simulation, chosen: impl Fn(ParticleId) -> bool, value: f64) {
+        let ids = simulation.particles.ids.clone();
+        let MotionLists { loads, accelerations, .. } = simulation.particles.kept_lists();
+        for index in (0..ids.len()).filter(|&index| chosen(ids[index])) {
+            loads[index].force.x = value;
+            accelerations[index].linear.x = value;
         }
     }
 }

@@ -7,8 +7,9 @@ use super::law::{Compatibility, NormalContact};
 use super::meeting::ContactScene;
 use super::neighbor::list::{Memory, PairMemory};
 use super::pair_contacts::left_in_spring;
-use super::particles::{Load, Path};
+use super::particles::Path;
 use super::seen::{SeenContact, seen};
+use super::touched::Effects;
 use super::wall::{Plane, WallPoint, Walls};
 use super::wall_list::{PartList, WallList};
 use crate::math::Vec3;
@@ -121,14 +122,10 @@ pub struct WallKernel<'a> {
     pub first: usize,
     /// Whether some of its particles may be prescribed.
     pub has_prescribed: bool,
-    /// Loads of its particles.
-    pub loads: &'a mut [Load],
-    /// Forces of the normal springs on its particles [N]; empty where losses are not accounted for.
-    pub springs: &'a mut [Vec3],
     /// Loads on the parts.
     pub part_loads: &'a mut [PartLoad],
-    /// Losses.
-    pub tally: &'a mut Tally,
+    /// Where loads on its particles go, and all else.
+    pub effects: Effects<'a>,
 }
 
 impl WallKernel<'_> {
@@ -170,11 +167,12 @@ impl WallKernel<'_> {
             let particles = &list.places.particles[from..from + L::COUNT];
             // SAFETY: velocities are rows of eight numbers; lists name only particles that there are.
             let velocity = unsafe { L::gather_eight(scene.velocities.as_ptr().cast(), particles) };
+            self.effects.touched.note(particles, touches.bits());
             let surface = place.surface_motion(walls, part);
             let (mut touch, lever) = place.touch::<ROLLING>(scene, &velocity, &surface);
             let deep = place.overlap.exceeds(L::splat(scene.overlap_limit) * place.radius) & touches;
             if deep.any() {
-                note_deep(particles, part, &(place.overlap / place.radius).to_array(), deep.bits(), self.tally);
+                note_deep(particles, part, &(place.overlap / place.radius).to_array(), deep.bits(), self.effects.tally);
             }
             if ENERGY {
                 touch.closing_lag = wall_lag(scene, particles, &place.normal);
@@ -201,10 +199,10 @@ impl WallKernel<'_> {
                 let moving = lanes_on(scene, particles, |path| path != Path::Asleep);
                 held = held.or_in(L::Mask::from_bits(!moving), &before);
                 if ENERGY {
-                    result.lost.book(1.0, touches.bits() & moving, self.tally);
+                    result.lost.book(1.0, touches.bits() & moving, self.effects.tally);
                 }
             } else if ENERGY {
-                result.lost.book(1.0, touches.bits(), self.tally);
+                result.lost.book(1.0, touches.bits(), self.effects.tally);
             }
             if ENERGY {
                 self.book_normal_springs(particles, touches.bits(), &(touch.normal * stiffness.elastic));
@@ -219,7 +217,7 @@ impl WallKernel<'_> {
             let power = if stands { L::zero() } else { L::select(touches, power, L::zero()) };
             add_lanes(&mut sum, [-force.x, -force.y, -force.z, -torque.x, -torque.y, -torque.z, -power]);
         }
-        self.tally.slip += ended;
+        self.effects.tally.slip += ended;
         let (force, torque) = (Vec3::new(sum[0], sum[1], sum[2]), Vec3::new(sum[3], sum[4], sum[5]));
         self.part_loads[usize::from(part)].add(&PartLoad { force, torque, power: sum[6] });
     }
@@ -263,8 +261,10 @@ impl WallKernel<'_> {
     /// Adds forces and torques to the particles.
     #[inline(always)]
     fn push<L: Lanes>(&mut self, particles: &[u32], force: &LaneVector<L>, torque: &LaneVector<L>) {
-        debug_assert!(particles.iter().all(|&index| (index as usize).wrapping_sub(self.first) < self.loads.len()));
-        let rows: *mut [f64; 8] = self.loads.as_mut_ptr().cast::<[f64; 8]>().wrapping_sub(self.first);
+        debug_assert!(
+            particles.iter().all(|&index| (index as usize).wrapping_sub(self.first) < self.effects.loads.len())
+        );
+        let rows: *mut [f64; 8] = self.effects.loads.as_mut_ptr().cast::<[f64; 8]>().wrapping_sub(self.first);
         let zero = L::zero();
         let columns = [force.x, force.y, force.z, zero, torque.x, torque.y, torque.z, zero];
         // SAFETY: loads are rows of eight numbers; a chunk's list names the chunk's own particles.
@@ -275,7 +275,7 @@ impl WallKernel<'_> {
     fn book_normal_springs<L: Lanes>(&mut self, particles: &[u32], touches: u16, springs: &LaneVector<L>) {
         let [x, y, z] = springs.to_arrays();
         for lane in (0..L::COUNT).filter(|lane| touches >> lane & 1 == 1) {
-            self.springs[particles[lane] as usize - self.first] -= Vec3::new(x[lane], y[lane], z[lane]);
+            self.effects.springs[particles[lane] as usize - self.first] -= Vec3::new(x[lane], y[lane], z[lane]);
         }
     }
 }

@@ -153,6 +153,11 @@ impl WallList {
         self.parts.iter().flat_map(PartList::rows)
     }
 
+    /// How many contacts there may be: with planes, all who are near.
+    pub(super) fn count(&self) -> usize {
+        self.parts.iter().map(|list| list.places.count).sum()
+    }
+
     /// Parts that some particle is near.
     pub fn parts(&self) -> impl Iterator<Item = u16> {
         self.parts.iter().map(|list| list.part)
