@@ -4,6 +4,7 @@ use super::Calibration;
 use super::pairs::particle_kinds;
 use crate::dem::feed::size::SizeSampler;
 use crate::dem::feed::{Amount, Feed, FeedKind, Rate, Region};
+use crate::math::Bounds;
 use crate::particle::Body;
 use crate::scene::Scene;
 use serde::Serialize;
@@ -11,8 +12,10 @@ use serde::Serialize;
 /// Share of a region that random sequential addition fills with equal spheres and discs (Torquato and Stillinger, 2010).
 const FULL_OF_SPHERES: f64 = 0.38;
 const FULL_OF_DISCS: f64 = 0.547;
-/// Below this solid fraction of the domain, particles without a pull to a floor count as dilute.
+/// Below this solid fraction, particles that nothing brings to rest on each other count as dilute.
 const DILUTE: f64 = 0.1;
+/// Share of its height through which a cloud must fall within the run to count as brought to rest.
+const FALLEN: f64 = 0.25;
 
 /// What a run costs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -81,19 +84,42 @@ pub(super) fn supply(scene: &Scene, passages: Option<&[f64]>) -> Supply {
     let times = |index: usize| passages.map_or(1.0, |passages| passages[index]);
     let feeds = scene.feeds.iter().enumerate().filter(|(index, _)| times(*index) > 0.0);
     let feeds: Vec<FeedSupply> = feeds.map(|(index, feed)| supply_of(scene, feed).repeated(times(index))).collect();
-    let size = scene.domain.bounds.size();
-    let room = match scene.body {
-        Body::Sphere => size.x * size.y * size.z,
-        Body::Disc { .. } => size.x * size.z,
-    };
-    let solid = feeds.iter().map(|feed| feed.measure).sum::<f64>() / room;
+    let solid = feeds.iter().map(|feed| feed.measure).sum::<f64>() / room(scene.body, &scene.domain.bounds);
     let pulled = (0..3).any(|axis| scene.gravity[axis] != 0.0 && !scene.domain.periodic[axis]);
     let (is_dense, dense_reason) = match (pulled, solid < DILUTE) {
+        (true, _) if stays_a_cloud(scene) => {
+            (false, "particles begin as a thin cloud and the run ends before they have fallen far")
+        }
         (true, _) => (true, "gravity brings particles to rest on each other"),
         (false, true) => (false, "particles fill less than 0.1 of the domain and nothing pulls them together"),
         (false, false) => (true, "particles fill more than 0.1 of the domain"),
     };
     Supply { feeds, is_dense, dense_reason }
+}
+
+/// Volume [m3] of a box, or area [m2] of discs' plane in it.
+fn room(body: Body, bounds: &Bounds) -> f64 {
+    let size = bounds.size();
+    match body {
+        Body::Sphere => size.x * size.y * size.z,
+        Body::Disc { .. } => size.x * size.z,
+    }
+}
+
+/// Whether all particles come from files, are dilute in the box around them, and do not fall through much of it within the run.
+fn stays_a_cloud(scene: &Scene) -> bool {
+    let (mut bounds, mut measure) = (Bounds::EMPTY, 0.0);
+    for feed in &scene.feeds {
+        let FeedKind::File { particles } = &feed.kind else { return false };
+        for particle in particles.iter() {
+            bounds.include(&particle.position);
+            measure += body_measure(scene.body, particle.radius);
+        }
+    }
+    let fallen = scene.gravity.map(|gravity| 0.5 * gravity.abs() * scene.end.time.powi(2));
+    scene.start_checkpoint.is_none()
+        && measure < DILUTE * room(scene.body, &bounds)
+        && (0..3).all(|axis| fallen[axis] <= FALLEN * bounds.size()[axis])
 }
 
 impl FeedSupply {

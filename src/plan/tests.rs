@@ -11,7 +11,7 @@ use crate::geometry::motion::{Motion, MotionKind, MotionTerm};
 use crate::geometry::part::{Part, Surface, Trigger};
 use crate::material::{Elasticity, Material, MaterialTable, PairContact, PairProperties};
 use crate::math::{Bounds, Vec3};
-use crate::particle::{Body, ParticleClass, SizeDistribution};
+use crate::particle::{Body, ParticleClass, ParticleId, ParticleState, SizeDistribution};
 use crate::scene::{Domain, EndConditions, OutputSettings, SolverSettings};
 use approx::assert_relative_eq;
 use std::f64::consts::PI;
@@ -349,7 +349,42 @@ fn cost_counts_what_the_feeds_bring() {
     scene.gravity = Vec3::zeros();
     let plan = plan_of(&scene, Some(calibration));
     assert_relative_eq!(plan.cost.wall_s.unwrap(), plan.cost.particle_steps / 1e8, max_relative = 1e-14);
-    assert_relative_eq!(plan.skin.skin, round_down(0.75 * 2.0 * RADIUS), max_relative = 1e-14);
+    assert_relative_eq!(plan.skin.skin, round_down(2.0 * RADIUS), max_relative = 1e-14);
+}
+
+/// The scene with spheres from a file instead, on a lattice of six to an edge and so many radii apart; run for `time` [s].
+fn filed(apart: f64, time: f64) -> Scene {
+    let mut scene = scene();
+    let place = |axis: usize| move |number: usize| (number / 6_usize.pow(axis as u32) % 6) as f64 * apart * RADIUS;
+    let sphere = |number: usize| ParticleState {
+        id: ParticleId::new(0, number as u64),
+        material: 0,
+        radius: RADIUS,
+        density: DENSITY,
+        position: Vec3::new(place(0)(number), place(1)(number), place(2)(number)),
+        velocity: Vec3::zeros(),
+        spin: Vec3::zeros(),
+    };
+    scene.feeds =
+        vec![Feed { name: "cloud".to_owned(), kind: FeedKind::File { particles: (0..216).map(sphere).collect() } }];
+    scene.end.time = time;
+    scene
+}
+
+#[test]
+fn a_cloud_that_has_no_time_to_fall_is_dilute_and_whatever_comes_to_rest_is_not() {
+    // Ten radii apart, the centres span 0.1 m, of which a quarter is fallen through in 0.0714 s.
+    assert_relative_eq!(plan_of(&filed(10.0, 0.071), None).skin.skin, round_down(2.0 * RADIUS), max_relative = 1e-14);
+    let dilute = |scene: &Scene| plan_of(scene, None).skin.reason.contains("few contacts");
+    assert!(dilute(&filed(10.0, 0.071)));
+    assert!(!dilute(&filed(10.0, 0.072)), "it falls");
+    assert!(!dilute(&filed(2.1, 0.01)), "a bed, in however large a domain");
+    let mut more = filed(10.0, 0.07);
+    more.feeds.push(scene().feeds.remove(0));
+    assert!(!dilute(&more), "more comes");
+    let mut goes_on = filed(10.0, 0.07);
+    goes_on.start_checkpoint = Some("state.checkpoint".into());
+    assert!(!dilute(&goes_on), "more is there");
 }
 
 #[test]

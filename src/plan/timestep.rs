@@ -28,7 +28,7 @@ const WASTEFUL: f64 = 0.01;
 const STEPS_WITHOUT_LIMIT: f64 = 1000.0;
 /// Share of the mean diameter that the skin is in a dense bed, where lists live long, and among free particles.
 const DENSE_SKIN: f64 = 0.2;
-const DILUTE_SKIN: f64 = 0.75;
+const DILUTE_SKIN: f64 = 1.0;
 /// Steps between two lists that the skin should allow at the expected speed, and its largest share of a diameter then.
 const STEPS_PER_LIST: f64 = 25.0;
 const WIDEST_DENSE_SKIN: f64 = 0.4;
