@@ -8,7 +8,6 @@ use crate::plan::stages::plan_stage;
 use crate::run::{Prepared, RunError, RunRequest, prepare_from};
 use crate::scene::Source;
 use crate::scene::backend::BackendName;
-use serde_json::Value;
 use std::collections::HashMap;
 
 /// A stage that must be computed.
@@ -18,8 +17,8 @@ pub struct Task {
     pub key: String,
     /// Key of what it writes and measures, hexadecimal.
     pub outputs_key: String,
-    /// What it writes and measures.
-    pub outputs: Value,
+    /// What it writes and measures: JSON.
+    pub outputs: String,
     /// Name of the stage; of a whole run that of its last stage.
     pub stage: String,
     /// True where it is a whole run.
