@@ -44,7 +44,7 @@ pub struct Source {
     file: String,
     base: PathBuf,
     text: String,
-    root: tree::Node,
+    root: tree::Table,
     meshes: Meshes,
 }
 
@@ -100,7 +100,7 @@ impl Source {
         let name = default_name(&self.file, &self.base);
         let draft = resolve(&root, &name, Files { base: &self.base, meshes: &self.meshes }, &report);
         let domain = extent::domain(&draft);
-        rules::check(&draft, domain, &report);
+        rules::check(&root, &draft, domain, &report);
         let findings = report.into_findings();
         if findings.iter().any(|finding| finding.severity == Severity::Error) {
             return Err(findings);

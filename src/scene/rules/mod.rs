@@ -60,6 +60,7 @@ use super::gate::StreamSource;
 use super::layout::Layout;
 use super::reader::join;
 use super::resolve::{Draft, Located, PartDraft};
+use super::tree::Table;
 use crate::dem::feed::{Feed, FeedKind};
 use crate::geometry::inspection::MeshReport;
 use crate::geometry::part::{Surface, Trigger};
@@ -77,8 +78,10 @@ pub(super) struct Subject<'a> {
     pub layout: Layout<'a>,
     /// For each part, what an inspection of its STL mesh says.
     pub inspections: Vec<Option<MeshReport>>,
+    /// The scene as written.
+    pub written: &'a Table,
     /// Where findings go.
-    pub report: &'a Report,
+    pub report: &'a Report<'a>,
 }
 
 type Rule = fn(&Subject<'_>);
@@ -138,8 +141,8 @@ const RULES: &[Rule] = &[
     feed_crowded::check,
 ];
 
-/// Checks every rule.
-pub(super) fn check(draft: &Draft, domain: Domain, report: &Report) {
+/// Checks every rule on a scene that was `written` so.
+pub(super) fn check(written: &Table, draft: &Draft, domain: Domain, report: &Report<'_>) {
     let inspections = draft
         .parts
         .iter()
@@ -149,7 +152,7 @@ pub(super) fn check(draft: &Draft, domain: Domain, report: &Report) {
         })
         .collect();
     let largest = extent::largest_diameter(&draft.classes, &draft.feeds);
-    let subject = Subject { draft, domain, largest, layout: layout(draft, largest), inspections, report };
+    let subject = Subject { draft, domain, largest, layout: layout(draft, largest), inspections, written, report };
     for rule in RULES {
         rule(&subject);
     }
@@ -201,11 +204,11 @@ impl Subject<'_> {
     }
 
     fn error(&self, rule: &'static str, path: &str, what: String, next: impl Into<String>) {
-        self.report.error(rule, &self.report.place(path), what, next);
+        self.report.error(rule, &self.written.place_of_path(path), what, next);
     }
 
     fn warning(&self, rule: &'static str, path: &str, what: String, next: impl Into<String>) {
-        self.report.warning(rule, &self.report.place(path), what, next);
+        self.report.warning(rule, &self.written.place_of_path(path), what, next);
     }
 
     /// Materials of all particles, each once, ascending.
