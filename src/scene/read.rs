@@ -1,15 +1,12 @@
 //! From a file to a scene, or to everything that is wrong with it.
 
 use super::diagnostics::{Finding, Place, Report, Severity};
+use super::meshes::Meshes;
 use super::resolve::{Draft, resolve};
 use super::{Domain, MeasureKind, Scene, extent, rules, tree};
-use crate::geometry::part::TriangleMesh;
-use crate::geometry::stl::{StlError, read_stl};
 use crate::material::MaterialTable;
 use crate::math::Bounds;
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 /// A scene file in a folder.
 const FILE: &str = "scene.toml";
@@ -100,7 +97,7 @@ impl Source {
         let name = default_name(&self.file, &self.base);
         let draft = resolve(&root, &name, Files { base: &self.base, meshes: &self.meshes }, &report);
         let domain = extent::domain(&draft);
-        rules::check(&root, &draft, domain, &report);
+        rules::check(&root, &draft, domain, &self.meshes, &report);
         let findings = report.into_findings();
         if findings.iter().any(|finding| finding.severity == Severity::Error) {
             return Err(findings);
@@ -109,18 +106,6 @@ impl Source {
             Some(scene) => Ok((scene, findings)),
             None => unreachable!("a scene without errors resolves as a whole"),
         }
-    }
-}
-
-/// STL files by their path, each read once.
-#[derive(Debug, Default)]
-pub(super) struct Meshes(Mutex<HashMap<PathBuf, Result<TriangleMesh, StlError>>>);
-
-impl Meshes {
-    /// The mesh in a file.
-    pub fn of(&self, path: &Path) -> Result<TriangleMesh, StlError> {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        known.entry(path.to_owned()).or_insert_with(|| read_stl(path)).clone()
     }
 }
 

@@ -58,6 +58,7 @@ use super::diagnostics::Report;
 use super::extent;
 use super::gate::StreamSource;
 use super::layout::Layout;
+use super::meshes::Meshes;
 use super::reader::join;
 use super::resolve::{Draft, Located, PartDraft};
 use super::tree::Table;
@@ -65,6 +66,7 @@ use crate::dem::feed::{Feed, FeedKind};
 use crate::geometry::inspection::MeshReport;
 use crate::geometry::part::{Surface, Trigger};
 use crate::particle::ParticleClass;
+use std::sync::Arc;
 
 /// What a rule looks at.
 pub(super) struct Subject<'a> {
@@ -77,7 +79,7 @@ pub(super) struct Subject<'a> {
     /// Stages and gates, with what lies around them.
     pub layout: Layout<'a>,
     /// For each part, what an inspection of its STL mesh says.
-    pub inspections: Vec<Option<MeshReport>>,
+    pub inspections: Vec<Option<Arc<MeshReport>>>,
     /// The scene as written.
     pub written: &'a Table,
     /// Where findings go.
@@ -142,15 +144,12 @@ const RULES: &[Rule] = &[
 ];
 
 /// Checks every rule on a scene that was `written` so.
-pub(super) fn check(written: &Table, draft: &Draft, domain: Domain, report: &Report<'_>) {
-    let inspections = draft
-        .parts
-        .iter()
-        .map(|part| match (&part.item.file, &part.item.part.surface) {
-            (Some(_), Surface::Mesh(mesh)) => Some(mesh.inspect()),
-            _ => None,
-        })
-        .collect();
+pub(super) fn check(written: &Table, draft: &Draft, domain: Domain, meshes: &Meshes, report: &Report<'_>) {
+    let inspection = |(number, part): (usize, &Located<PartDraft>)| match (&part.item.file, &part.item.part.surface) {
+        (Some(_), Surface::Mesh(mesh)) => Some(meshes.inspection(number, mesh)),
+        _ => None,
+    };
+    let inspections = draft.parts.iter().enumerate().map(inspection).collect();
     let largest = extent::largest_diameter(&draft.classes, &draft.feeds);
     let subject = Subject { draft, domain, largest, layout: layout(draft, largest), inspections, written, report };
     for rule in RULES {
