@@ -14,11 +14,14 @@ use std::io;
 /// Where `value` has no JSON: maps whose keys are no names, or a type that refuses.
 #[must_use]
 pub fn text_of(value: &impl Serialize) -> String {
-    let state = RefCell::new(State::default());
+    let state = RefCell::new(State { text: Vec::with_capacity(USUAL_LENGTH), ..State::default() });
     let written = value.serialize(&mut Serializer::with_formatter(Sink(&state), Ordered(&state)));
     written.expect("plain numbers and names become JSON");
     String::from_utf8(state.into_inner().text).expect("JSON is UTF-8")
 }
+
+/// Length of a usual text [bytes]; longer ones grow.
+const USUAL_LENGTH: usize = 4096;
 
 /// What has been written, and where the fields of the objects that are still open stand in it.
 #[derive(Default)]
@@ -27,6 +30,8 @@ struct State {
     /// For each open object, where its fields begin among `fields`.
     objects: Vec<usize>,
     fields: Vec<Field>,
+    /// Room for bringing fields into order.
+    ordered: Vec<u8>,
 }
 
 /// A field of an open object: `"name":value,`.
@@ -35,12 +40,14 @@ struct Field {
     start: usize,
     name_end: usize,
     end: usize,
+    /// Whether characters of the name are escaped.
+    is_escaped: bool,
 }
 
 impl Field {
     fn name<'a>(&self, text: &'a [u8]) -> Cow<'a, [u8]> {
         let quoted = &text[self.start..self.name_end];
-        if quoted.contains(&b'\\') {
+        if self.is_escaped {
             // The order is that of the names themselves, not of how their characters are escaped.
             let name: String = serde_json::from_slice(quoted).expect("a name that was just written");
             return Cow::Owned(name.into_bytes());
@@ -52,13 +59,13 @@ impl Field {
 impl State {
     fn end_object(&mut self) {
         let first = self.objects.pop().expect("what ends has begun");
-        let fields = &mut self.fields[first..];
-        let text = &mut self.text;
+        let (fields, text, ordered) = (&mut self.fields[first..], &mut self.text, &mut self.ordered);
         if !fields.is_sorted_by(|a, b| a.name(text) <= b.name(text)) {
             let start = fields[0].start;
             fields.sort_by(|a, b| a.name(text).cmp(&b.name(text)));
-            let ordered: Vec<u8> = fields.iter().flat_map(|field| &text[field.start..field.end]).copied().collect();
-            text[start..].copy_from_slice(&ordered);
+            ordered.clear();
+            fields.iter().for_each(|field| ordered.extend_from_slice(&text[field.start..field.end]));
+            text[start..].copy_from_slice(ordered);
         }
         if self.fields.len() > first {
             text.pop();
@@ -96,14 +103,15 @@ impl Formatter for Ordered<'_> {
     fn begin_object_key<W: ?Sized + io::Write>(&mut self, _: &mut W, _: bool) -> io::Result<()> {
         let mut state = self.0.borrow_mut();
         let start = state.text.len();
-        state.fields.push(Field { start, name_end: start, end: start });
+        state.fields.push(Field { start, name_end: start, end: start, is_escaped: false });
         Ok(())
     }
 
     fn end_object_key<W: ?Sized + io::Write>(&mut self, _: &mut W) -> io::Result<()> {
-        let mut state = self.0.borrow_mut();
-        let end = state.text.len();
-        state.fields.last_mut().expect("its field has begun").name_end = end;
+        let State { text, fields, .. } = &mut *self.0.borrow_mut();
+        let field = fields.last_mut().expect("its field has begun");
+        field.name_end = text.len();
+        field.is_escaped = text[field.start..].contains(&b'\\');
         Ok(())
     }
 
