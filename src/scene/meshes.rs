@@ -6,13 +6,15 @@ use crate::geometry::stl::{StlError, read_stl};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
 
 /// Meshes by the path of their file, and what is known of those that parts have been made of.
 #[derive(Debug, Default)]
 pub(super) struct Meshes {
     read: Mutex<HashMap<PathBuf, Result<TriangleMesh, Unusable>>>,
-    /// For each number of a part, the mesh that was looked at last: one a part, however many scenes there are.
-    seen: Mutex<HashMap<usize, Arc<Seen>>>,
+    /// For each thread and number of a part, the mesh that was looked at last: one, however many scenes there are. Threads that
+    /// go through different scenes do not take each other's away.
+    seen: Mutex<HashMap<(ThreadId, usize), Arc<Seen>>>,
 }
 
 /// Why a file gives no mesh.
@@ -46,13 +48,14 @@ impl Meshes {
     /// What an inspection of `mesh`, the surface of part number `part`, says. It depends on nothing but the mesh, and is taken
     /// over where the scene before had the very same one.
     pub fn inspection(&self, part: usize, mesh: &TriangleMesh) -> Arc<MeshReport> {
-        let known = held(&self.seen).get(&part).cloned();
+        let place = (thread::current().id(), part);
+        let known = held(&self.seen).get(&place).cloned();
         if let Some(seen) = known.filter(|seen| is_same(&seen.mesh, mesh)) {
             return Arc::clone(&seen.report);
         }
         let report = Arc::new(mesh.inspect());
         let seen = Seen { mesh: mesh.clone(), report: Arc::clone(&report) };
-        held(&self.seen).insert(part, Arc::new(seen));
+        held(&self.seen).insert(place, Arc::new(seen));
         report
     }
 }
