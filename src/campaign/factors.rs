@@ -99,7 +99,7 @@ fn axes(reader: &Reader<'_>) -> Vec<Factor> {
             let (first, known, here) = (&factor.columns[0].name, factor.points.len(), values.len());
             reader.report.error(
                 "out-of-range",
-                &place,
+                place,
                 format!(
                     "axis \"{}\" has {here} values, and \"{first}\", with which it is zipped, has {known}",
                     column.name

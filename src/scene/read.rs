@@ -308,6 +308,13 @@ mod tests {
     }
 
     #[test]
+    fn a_name_that_ends_like_a_unit_is_no_other_name() {
+        let settings = [("material.glass_mm".to_owned(), "{}".to_owned())];
+        let findings = read_text(DEFAULT, "scene.toml", base(), &settings).expect_err("glass has been replaced");
+        assert!(findings.iter().any(|finding| finding.rule == "unknown-name"), "{findings:?}");
+    }
+
+    #[test]
     fn a_plane_problem_keeps_its_thickness_and_checkpoint() {
         let (scene, _) = read_text(PLANE, "folder/scene.toml", base(), &[]).expect("a valid scene");
         assert_eq!(scene.name, "folder");
@@ -383,6 +390,34 @@ mod tests {
         for name in ["outlet", "0"] {
             let scene = gates(&[(&format!("stage.plate.replay.{name}.loops"), "2")]);
             assert_eq!(scene.stages[2].replays[0].loops, 2);
+        }
+    }
+
+    #[test]
+    fn a_source_gives_each_of_many_scenes_as_if_it_was_the_only_one() {
+        let folder = Path::new("examples/chute-tilt-campaign");
+        let source = Source::open(folder).expect("a scene");
+        let values: [(&str, &[&str]); 6] = [
+            ("part.chute.place.rotate.angle", &["30 deg", "0 deg", "-0.0 deg", "40 deg"]),
+            ("part.box.scale", &["0.001", "0.002"]),
+            ("part.box.place.move_mm", &["[0, 0, 0]", "[-0.0, 0, 0]", "[0, 0, 900]"]),
+            ("part.box.file", &["chute.stl", "missing.stl", "."]),
+            ("gate.outlet.exclusion.length_mm", &["7", "-7"]),
+            ("stage.1.replay.0.length", &["6 mm", "9 mm"]),
+        ];
+        let mut tried = vec![Vec::new()];
+        for (key, values) in values {
+            let setting = |value: &&str| (key.to_owned(), (*value).to_owned());
+            tried.extend(values.iter().map(setting).map(|one| vec![one]));
+            tried.extend(values.iter().map(setting).map(|one| vec![one, ("pair.1.friction".into(), "0.1".into())]));
+        }
+        let shown = |result| format!("{result:?}");
+        let alone: Vec<String> = tried.iter().map(|settings| shown(read(folder, settings))).collect();
+        // Each after every other, so that whatever is taken over could come from the wrong one.
+        for (first, second) in (0..tried.len()).flat_map(|first| (0..first).map(move |second| (first, second))) {
+            for index in [first, second, first] {
+                assert_eq!(shown(source.resolve(&tried[index])), alone[index], "{:?}", tried[index]);
+            }
         }
     }
 

@@ -255,7 +255,7 @@ impl<'a> Reader<'a> {
         };
         let found = known.iter().position(|other| other == name);
         // What was declared, but is no table, has its finding there.
-        if found.is_none() && !self.whole().has_path(&join(section, name)) {
+        if found.is_none() && !self.is_declared(section, name) {
             let names: Vec<&str> = known.iter().map(String::as_str).collect();
             let what = if section == "particle" { "particle class" } else { section };
             self.report.error(
@@ -266,6 +266,11 @@ impl<'a> Reader<'a> {
             );
         }
         found
+    }
+
+    /// True where the file gives something this name, right or wrong, under `section.NAME`.
+    fn is_declared(&self, section: &str, name: &str) -> bool {
+        matches!(self.whole().get(section), Some(Node { value: Value::Table(table), .. }) if table.get(name).is_some())
     }
 
     /// The raw value of `key`.

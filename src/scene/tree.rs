@@ -70,9 +70,10 @@ pub(crate) struct Entry {
 }
 
 impl Table {
-    /// The entry that gives `key`, with or without a unit at its end; the last one where it is given twice.
+    /// The entry that gives `key`, with or without a unit at its end.
     pub fn named(&self, key: &str) -> Option<&Entry> {
-        self.entries.iter().rev().find(|entry| entry.key == key || quantity::base_of_key(&entry.key) == key)
+        let exact = self.entries.iter().find(|entry| entry.key == key);
+        exact.or_else(|| self.entries.iter().find(|entry| quantity::base_of_key(&entry.key) == key))
     }
 
     /// True where the value of `path` is given, right or wrong: dotted keys, elements of arrays by their number.
@@ -88,11 +89,10 @@ impl Table {
     /// Where the longest known beginning of `path` stands, and what of it is not known. Tables stand where they begin, other
     /// values where their key is.
     fn walk<'a>(&'a self, path: &'a str) -> Option<(&'a Place, &'a str)> {
-        let mut entries = self.entries.iter().rev();
-        let (entry, rest) = entries.find_map(|entry| {
-            let names = [&entry.key, quantity::base_of_key(&entry.key)];
-            names.into_iter().find_map(|name| Some((entry, after(path, name)?)))
-        })?;
+        let exact = |entry: &'a Entry| Some((entry, after(path, &entry.key)?));
+        let measured = |entry: &'a Entry| Some((entry, after(path, quantity::base_of_key(&entry.key))?));
+        let found = self.entries.iter().find_map(exact).or_else(|| self.entries.iter().find_map(measured));
+        let (entry, rest) = found?;
         let (place, deeper) = match &entry.node.value {
             Value::Table(inner) => (&entry.node.place, inner.walk(rest)),
             Value::Array(items) => (&entry.key_place, walk_into(items, rest)),
