@@ -159,6 +159,7 @@ impl StageKey {
             backend: _,
             liggghts: _,
             start_checkpoint: _,
+            // It changes no result.
             name: _,
         } = scene;
         // A gate that is only observed changes nothing but what is written.
