@@ -81,7 +81,7 @@ fn axes(reader: &Reader<'_>) -> Vec<Factor> {
     let mut factors: Vec<(Option<String>, Factor)> = Vec::new();
     for axis in reader.tables("axis", "campaign.axis") {
         let zip = axis.text("zip").map(str::to_owned);
-        let place = axis.place.clone();
+        let place = axis.place;
         let column = column(&axis);
         let values = values(&axis, column.as_ref().map_or("", |column| &column.unit));
         axis.finish();
@@ -99,7 +99,7 @@ fn axes(reader: &Reader<'_>) -> Vec<Factor> {
             let (first, known, here) = (&factor.columns[0].name, factor.points.len(), values.len());
             reader.report.error(
                 "out-of-range",
-                &place,
+                place,
                 format!(
                     "axis \"{}\" has {here} values, and \"{first}\", with which it is zipped, has {known}",
                     column.name

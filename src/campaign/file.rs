@@ -151,12 +151,10 @@ pub fn read(path: &Path) -> Result<Campaign, CampaignError> {
 /// # Errors
 /// All findings at once.
 pub fn read_text(text: &str, file: &Path) -> Result<Campaign, CampaignError> {
-    let report = Report::new(&file.display().to_string(), text);
+    let shown = file.display().to_string();
+    let report = Report::new(&shown, text);
     let root = tree::parse(text, &report);
-    let campaign = match &root.value {
-        TreeValue::Table(table) if report.is_empty() => resolve(Reader::root(table, "campaign", &report), file),
-        _ => None,
-    };
+    let campaign = if report.is_empty() { resolve(Reader::root(&root, "campaign", &report), file) } else { None };
     let findings = report.into_findings();
     match campaign {
         Some(campaign) if findings.iter().all(|finding| finding.severity != Severity::Error) => Ok(campaign),
@@ -188,7 +186,7 @@ fn resolve(reader: Reader<'_>, file: &Path) -> Option<Campaign> {
     if points > MOST_POINTS {
         reader.report.error(
             "out-of-range",
-            &reader.place,
+            reader.place,
             format!("the campaign has {points} runs, more than {MOST_POINTS}"),
             "give fewer values, zip axes, or draw a sample",
         );
@@ -234,7 +232,7 @@ fn check_columns(reader: &Reader<'_>, factors: &[Factor], settings: &[(String, S
     let mut keys: BTreeSet<&str> = settings.iter().map(|(key, _)| key.as_str()).collect();
     for column in factors.iter().flat_map(|factor| &factor.columns) {
         let twice = |what: String, next: &str| {
-            reader.report.error("given-twice", &reader.place, what, next);
+            reader.report.error("given-twice", reader.place, what, next);
         };
         if !names.insert(&column.name) || ["variant", "replicate", "seed", "status"].contains(&column.name.as_str()) {
             twice(format!("two columns of the results would be called `{}`", column.name), "give it another name");

@@ -8,7 +8,7 @@ use super::workspace::{Contents, Workspace};
 use super::{claim::Watch, results};
 use crate::output::summary::Summary;
 use crate::run::{RunRequest, prepare};
-use crate::stage::key::differences;
+use crate::stage::key::{differences, value_of};
 use crate::storage::staging::STAGING_SUFFIX;
 use serde::Serialize;
 use serde_json::Value;
@@ -199,7 +199,7 @@ fn nearest<'a>(
     };
     let prepared = prepare(&request).ok()?;
     let index = prepared.jobs.iter().position(|job| job.name == task.stage)?;
-    let mut content = prepared.recipes().ok()?.swap_remove(index).content;
+    let mut content = value_of(&prepared.recipes().ok()?.swap_remove(index).content);
     drop_streams(&mut content);
     let found = names.filter_map(|name| {
         let text = fs::read(workspace.place(&task.group(), name).join("run.json")).ok()?;

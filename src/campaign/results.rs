@@ -8,6 +8,7 @@ use super::variant::{Variant, columns};
 use super::workspace::Workspace;
 use crate::analysis::replicates::{ReplicateFigure, figures};
 use crate::output::summary::{LoadAccount, Summary};
+use crate::stage::key::value_of;
 use crate::storage::StorageError;
 use crate::storage::staging::write_whole;
 use serde::Serialize;
@@ -99,7 +100,8 @@ fn row(graph: &Graph, states: &[State], summaries: &BTreeMap<usize, Summary>, ru
     for index in run.tasks.iter().filter(|index| graph.tasks[**index].is_leaf) {
         let task = &graph.tasks[*index];
         let Some(summary) = summaries.get(index) else { continue };
-        for (name, value) in summary.measures.iter().filter(|(name, _)| is_asked(&task.outputs, name)) {
+        let outputs = value_of(&task.outputs);
+        for (name, value) in summary.measures.iter().filter(|(name, _)| is_asked(&outputs, name)) {
             let name = if graph.is_cut { format!("{}.{name}", task.stage) } else { name.clone() };
             measures.insert(name, value.clone());
         }

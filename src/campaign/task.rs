@@ -4,11 +4,10 @@ use super::CampaignError;
 use super::file::Campaign;
 use super::variant::{Variant, columns, label};
 use crate::plan::Calibration;
-use crate::plan::stages::plan_stage;
+use crate::plan::stages::stage_cost;
 use crate::run::{Prepared, RunError, RunRequest, prepare_from};
 use crate::scene::Source;
 use crate::scene::backend::BackendName;
-use serde_json::Value;
 use std::collections::HashMap;
 
 /// A stage that must be computed.
@@ -18,8 +17,8 @@ pub struct Task {
     pub key: String,
     /// Key of what it writes and measures, hexadecimal.
     pub outputs_key: String,
-    /// What it writes and measures.
-    pub outputs: Value,
+    /// What it writes and measures: JSON.
+    pub outputs: String,
     /// Name of the stage; of a whole run that of its last stage.
     pub stage: String,
     /// True where it is a whole run.
@@ -38,7 +37,7 @@ pub struct Task {
     pub users: usize,
 }
 
-/// What a task is expected to cost; an upper bound, as [`plan_stage`] counts.
+/// What a task is expected to cost; an upper bound, as [`stage_cost`] counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Forecast {
     /// Particles that will have been there.
@@ -235,7 +234,7 @@ fn drafts(prepared: &Prepared, request: &RunRequest, calibration: Option<Calibra
     let recipes = prepared.recipes()?;
     let draft = |(index, recipe): (usize, crate::stage::key::StageKey)| {
         let job = &prepared.jobs[index];
-        let cost = plan_stage(&prepared.scene, job, prepared.plan.timestep.chosen, calibration).cost;
+        let cost = stage_cost(&prepared.scene, job, prepared.plan.timestep.chosen, calibration);
         let frames = job.scene.output.frame_interval.map_or(0.0, |interval| job.scene.end.time / interval + 1.0);
         let task = Task {
             key: recipe.key,
@@ -274,4 +273,56 @@ fn in_parallel<I: Copy + Sync, O: Send>(items: &[I], of: &(dyn Fn(I) -> O + Sync
         });
         joined.collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file::read_text;
+    use super::super::variant::variants;
+    use super::*;
+    use std::path::Path;
+
+    /// Two axes that share nothing, one whose values meet the same part, and one with a value that no scene may have.
+    const CAMPAIGN: &str = "version = 1\nreplicates = 2\n\
+        [[axis]]\nname = \"tilt\"\nkeys = \"part.chute.place.rotate.angle\"\nunit = \"deg\"\nvalues = [30, 40, 0, -0.0]\n\
+        [[axis]]\nname = \"lift\"\nkeys = \"part.chute.place.move_mm\"\nvalues = [[0, 0, 150], [0, -0.0, 150]]\n\
+        [[axis]]\nname = \"friction\"\nkeys = \"pair.sinter-steel.friction\"\nvalues = [0.5, 0.25, -1]\n";
+
+    fn identities(graph: &Graph, run: &Run) -> Vec<(String, String, String)> {
+        let identity = |index: &usize| {
+            let task = &graph.tasks[*index];
+            (task.group(), format!("{} {}", task.key, task.outputs_key), format!("{:?}", task.forecast))
+        };
+        run.tasks.iter().map(identity).collect()
+    }
+
+    #[test]
+    fn variants_together_have_the_tasks_that_each_has_alone() {
+        let campaign =
+            read_text(CAMPAIGN, Path::new("examples/chute-tilt-campaign/campaign.toml")).expect("a campaign");
+        let variants = variants(&campaign);
+        let all: Vec<usize> = (0..variants.len()).collect();
+        let together = graph(&campaign, &variants, &all, None).expect("most of them can run");
+        let mut keys = std::collections::BTreeSet::new();
+        for &variant in &all {
+            let of_variant: Vec<&Run> = together.runs.iter().filter(|run| run.variant == variant).collect();
+            assert_eq!(of_variant.len(), 2);
+            match graph(&campaign, &variants, &[variant], None) {
+                Ok(alone) => {
+                    for (run, other) in of_variant.iter().zip(&alone.runs) {
+                        assert_eq!(run.refused, None);
+                        assert_eq!(run.seed, other.seed);
+                        assert_eq!(identities(&together, run), identities(&alone, other));
+                        keys.extend(run.tasks.iter().map(|index| together.tasks[*index].name()));
+                    }
+                }
+                Err(CampaignError::Variants(wrong)) => {
+                    assert_eq!(of_variant[0].refused, Some(wrong[0].1.to_string()));
+                }
+                Err(other) => panic!("{other}"),
+            }
+        }
+        assert_eq!(together.runs.iter().filter(|run| run.refused.is_some()).count(), 4 * 2 * 2);
+        assert_eq!(keys.len(), together.tasks.len());
+    }
 }

@@ -16,7 +16,7 @@
 use super::CampaignError;
 use super::file::Campaign;
 use super::task::Task;
-use crate::stage::key::lacking;
+use crate::stage::key::{lacking, value_of};
 use crate::storage::StorageError;
 use crate::storage::staging::{STAGING_SUFFIX, write_whole};
 use serde::{Deserialize, Serialize};
@@ -271,7 +271,7 @@ impl Contents {
         for other in others.filter(|other| !other.ends_with(STAGING_SUFFIX)) {
             let record = workspace.place(&group, other).join("run.json");
             let held = fs::read(&record).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
-            let lacks = held.map_or_else(Vec::new, |held| lacking(&held["outputs"], &task.outputs));
+            let lacks = held.map_or_else(Vec::new, |held| lacking(&held["outputs"], &value_of(&task.outputs)));
             if lacks.is_empty() {
                 return Stored::Whole(other.clone());
             }

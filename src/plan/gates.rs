@@ -70,9 +70,11 @@ fn advise_one(scene: &Scene, layout: &Layout<'_>, gate: &Gate, recorder: usize) 
 fn rim(layout: &Layout<'_>, gate: &Gate, stage: usize) -> Option<(f64, usize)> {
     let here = layout.parts_of(stage);
     let reaches = |part: usize| {
-        let stays = here[part] && matches!(layout.parts[part].disappears, Trigger::Never);
+        if !here[part] || !matches!(layout.parts[part].disappears, Trigger::Never) {
+            return None;
+        }
         let (low, high) = reach::in_column(layout.parts[part], &gate.plane, layout.largest, layout.end)?;
-        (stays && low < 0.0).then_some((high, part))
+        (low < 0.0).then_some((high, part))
     };
     (0..layout.parts.len()).filter_map(reaches).max_by(|a, b| a.0.total_cmp(&b.0))
 }

@@ -1,5 +1,6 @@
 //! Plans of the stages of a scene that is cut at gates. All of them step as the whole scene would.
 
+use super::cost::{self, CostForecast};
 use super::gates::{self, GateAdvice};
 use super::{Calibration, Plan, Terms, plan, plan_on};
 use crate::scene::Scene;
@@ -7,6 +8,7 @@ use crate::scene::gate::StreamSource;
 use crate::scene::layout::Layout;
 use crate::stage::split::{StageJob, stage_jobs};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// What follows from a scene with stages.
@@ -100,20 +102,34 @@ impl SplitPlan {
 /// make them, whatever they lose on their way.
 #[must_use]
 pub fn plan_stage(whole: &Scene, job: &StageJob, timestep: f64, calibration: Option<Calibration>) -> Plan {
-    let mut fed = job.scene.clone();
+    let fed = fed(whole, job);
+    let passages = passages(whole, job);
+    let terms = Terms { timestep: Some(timestep), passages: Some(&passages), calibration };
+    Plan { stage: Some(job.name.clone()), ..plan_on(&fed, &job.scene, &terms) }
+}
+
+/// What one stage costs: that of [`plan_stage`] alone, which is all that a campaign wants to know of ten thousand stages.
+#[must_use]
+pub fn stage_cost(whole: &Scene, job: &StageJob, timestep: f64, calibration: Option<Calibration>) -> CostForecast {
+    let fed = fed(whole, job);
+    let supply = cost::supply(&fed, Some(&passages(whole, job)));
+    cost::forecast(&fed, &supply, timestep, calibration)
+}
+
+/// The scene of a job with the feeds whose particles come through gates.
+fn fed<'a>(whole: &Scene, job: &'a StageJob) -> Cow<'a, Scene> {
+    let mut fed = Cow::Borrowed(&job.scene);
     for feed in &job.upstream_feeds {
-        fed.feeds[*feed].clone_from(&whole.feeds[*feed]);
+        fed.to_mut().feeds[*feed].clone_from(&whole.feeds[*feed]);
     }
     let has_stored = job.replays.iter().any(|replay| matches!(replay.source, StreamSource::Folder(_)));
     if has_stored && fed.start_checkpoint.is_none() {
         // Nothing is known about these particles either but that they belong to the classes.
-        fed.start_checkpoint = Some(PathBuf::new());
+        fed.to_mut().start_checkpoint = Some(PathBuf::new());
     } else if !job.replays.is_empty() {
-        fed.start_checkpoint.clone_from(&whole.start_checkpoint);
+        fed.to_mut().start_checkpoint.clone_from(&whole.start_checkpoint);
     }
-    let passages = passages(whole, job);
-    let terms = Terms { timestep: Some(timestep), passages: Some(&passages), calibration };
-    Plan { stage: Some(job.name.clone()), ..plan_on(&fed, &job.scene, &terms) }
+    fed
 }
 
 /// How often the particles of each feed come into a job: once from its own, through a gate once for each loop.
@@ -183,6 +199,24 @@ mod tests {
         assert_eq!(chute.cost.feeds.iter().map(|feed| feed.name.as_str()).collect::<Vec<_>>(), ["fill"]);
         let contact = chute.overlap.expect("a contact").contact;
         assert!(contact.contains("ore"), "{contact}");
+    }
+
+    #[test]
+    fn a_stage_costs_what_its_plan_says() {
+        let scene = scene(&[]);
+        let calibration = Calibration {
+            particle_steps_per_second_dense: 1e7,
+            particle_steps_per_second_dilute: 3e7,
+            bytes_per_particle: 600.0,
+            base_bytes: 2e6,
+            threads: 2,
+        };
+        for job in stage_jobs(&scene).iter().chain(&whole_jobs(&scene)) {
+            for calibration in [None, Some(calibration)] {
+                let plan = plan_stage(&scene, job, 2e-6, calibration);
+                assert_eq!(stage_cost(&scene, job, 2e-6, calibration), plan.cost, "{}", job.name);
+            }
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::RunError;
 use crate::exit_code;
 use crate::output::summary::Summary;
-use crate::stage::key::{StageKey, differences};
+use crate::stage::key::{StageKey, differences, value_of};
 use crate::storage::StorageError;
 use crate::storage::staging::{STAGING_SUFFIX, write_whole};
 use serde_json::{Value, json};
@@ -90,8 +90,8 @@ impl RunFolder {
             return Ok(folder);
         }
         let content = json!({
-            "key": key.key, "outputs_key": key.outputs_key, "tollgate_version": env!("CARGO_PKG_VERSION"), "content": key.content,
-            "outputs": key.outputs,
+            "key": key.key, "outputs_key": key.outputs_key, "tollgate_version": env!("CARGO_PKG_VERSION"), "content": value_of(&key.content),
+            "outputs": value_of(&key.outputs),
         });
         write_whole(&record, format!("{content}\n").as_bytes())?;
         Ok(folder)
@@ -105,7 +105,7 @@ impl RunFolder {
             RunError::Folder(format!("{} is damaged ({error}); choose another --out", record.display()))
         })?;
         if held["key"] != key.key.as_str() {
-            let changes = differences(&held["content"], &key.content, MOST_DIFFERENCES).join("\n  ");
+            let changes = differences(&held["content"], &value_of(&key.content), MOST_DIFFERENCES).join("\n  ");
             return Err(RunError::Folder(format!(
                 "the folder {shown} holds another run, which is never overwritten; choose another --out, or remove it. What differs:\n  {changes}"
             )));
@@ -138,7 +138,7 @@ impl RunFolder {
     pub fn differences_elsewhere(path: &Path, key: &StageKey) -> Vec<String> {
         let Ok(text) = fs::read_to_string(path.join(RECORD)) else { return Vec::new() };
         let held: Value = serde_json::from_str(&text).unwrap_or_default();
-        differences(&held["content"], &key.content, MOST_DIFFERENCES)
+        differences(&held["content"], &value_of(&key.content), MOST_DIFFERENCES)
     }
 
     /// The summary of an earlier run that ended by itself: it would end so again.

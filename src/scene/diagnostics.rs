@@ -3,7 +3,6 @@
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use serde::Serialize;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// How bad a finding is.
@@ -160,19 +159,18 @@ impl Place {
     }
 }
 
-/// Collects findings while a scene is read, and remembers where each key stood for the rules that come later.
+/// Collects findings while a scene is read.
 #[derive(Debug)]
-pub(crate) struct Report {
-    file: String,
-    text: String,
+pub(crate) struct Report<'a> {
+    file: &'a str,
+    text: &'a str,
     findings: RefCell<Vec<Finding>>,
-    places: RefCell<BTreeMap<String, Place>>,
 }
 
-impl Report {
+impl<'a> Report<'a> {
     /// An empty report about `text`, which came from `file`.
-    pub fn new(file: &str, text: &str) -> Self {
-        Self { file: file.to_owned(), text: text.to_owned(), findings: RefCell::default(), places: RefCell::default() }
+    pub fn new(file: &'a str, text: &'a str) -> Self {
+        Self { file, text, findings: RefCell::default() }
     }
 
     /// An error.
@@ -189,42 +187,17 @@ impl Report {
         debug_assert!(ALL_IDS.contains(&rule), "`{rule}` is not registered");
         let finding = match place {
             Place::File(span) => {
-                let span = clip(&self.text, span);
+                let span = clip(self.text, span);
                 let before = &self.text[..span.start];
                 let line = before.matches('\n').count() + 1;
                 let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-                Finding { rule, severity, file: self.file.clone(), line, column, span, what, next }
+                Finding { rule, severity, file: self.file.to_owned(), line, column, span, what, next }
             }
             Place::Setting(setting) => {
                 Finding { rule, severity, file: setting.clone(), line: 0, column: 0, span: 0..0, what, next }
             }
         };
         self.findings.borrow_mut().push(finding);
-    }
-
-    /// Remembers that `path` was given at `place`.
-    pub fn remember(&self, path: String, place: Place) {
-        self.places.borrow_mut().insert(path, place);
-    }
-
-    /// Where the longest known beginning of `path` stands; the start of the file if none does.
-    pub fn place(&self, path: &str) -> Place {
-        let places = self.places.borrow();
-        let mut path = path;
-        loop {
-            if let Some(place) = places.get(path) {
-                return place.clone();
-            }
-            match path.rfind('.') {
-                Some(dot) => path = &path[..dot],
-                None => return Place::in_file(0..0),
-            }
-        }
-    }
-
-    /// True where `path` was given, valid or not.
-    pub fn was_given(&self, path: &str) -> bool {
-        self.places.borrow().contains_key(path)
     }
 
     /// True while nothing was found.

@@ -8,6 +8,7 @@ pub mod diagnostics;
 pub(crate) mod extent;
 pub mod gate;
 pub mod layout;
+mod meshes;
 pub(crate) mod quantity;
 pub(crate) mod reach;
 mod read;

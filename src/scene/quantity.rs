@@ -1,5 +1,6 @@
 //! Quantities: "3 mm" to metres. Units are checked at the door; inside, everything is SI.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
@@ -211,8 +212,8 @@ pub(crate) fn parse(text: &str, dimension: Dimension) -> Result<f64, Fault> {
         return Some(number * unit.factor).filter(|value| value.is_finite()).ok_or(Fault::Number);
     }
     match UNITS.iter().find(|unit| unit.symbol == symbol) {
-        Some(unit) => Err(Fault::WrongDimension(symbol, unit.dimension)),
-        None => Err(Fault::UnknownUnit(symbol)),
+        Some(unit) => Err(Fault::WrongDimension(symbol.into_owned(), unit.dimension)),
+        None => Err(Fault::UnknownUnit(symbol.into_owned())),
     }
 }
 
@@ -261,9 +262,12 @@ fn number_length(text: &str) -> usize {
 }
 
 /// One spelling for `m/s^2`, `m/s²`, `N·s/m`, `µm`.
-fn normal_spelling(symbol: &str) -> String {
+fn normal_spelling(symbol: &str) -> Cow<'_, str> {
+    let symbol = symbol.trim();
+    if symbol.bytes().all(|byte| byte.is_ascii() && !matches!(byte, b'^' | b'*')) {
+        return Cow::Borrowed(symbol);
+    }
     symbol
-        .trim()
         .chars()
         .filter(|c| *c != '^')
         .map(|c| match c {

@@ -173,6 +173,11 @@ fn clipped(polygons: Vec<Vec<Vec3>>, spaces: &[HalfSpace]) -> Vec<Vec<Vec3>> {
     let cut = |mut polygon: Vec<Vec3>| {
         for (normal, offset) in spaces {
             let depth = |point: &Vec3| offset - normal.dot(point);
+            match polygon.iter().filter(|point| depth(point) >= 0.0).count() {
+                0 => return Vec::new(),
+                all if all == polygon.len() => continue,
+                _ => {}
+            }
             let mut kept = Vec::with_capacity(polygon.len() + 1);
             for (index, point) in polygon.iter().enumerate() {
                 let next = &polygon[(index + 1) % polygon.len()];

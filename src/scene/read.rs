@@ -1,15 +1,12 @@
 //! From a file to a scene, or to everything that is wrong with it.
 
 use super::diagnostics::{Finding, Place, Report, Severity};
+use super::meshes::Meshes;
 use super::resolve::{Draft, resolve};
 use super::{Domain, MeasureKind, Scene, extent, rules, tree};
-use crate::geometry::part::TriangleMesh;
-use crate::geometry::stl::{StlError, read_stl};
 use crate::material::MaterialTable;
 use crate::math::Bounds;
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 /// A scene file in a folder.
 const FILE: &str = "scene.toml";
@@ -44,7 +41,7 @@ pub struct Source {
     file: String,
     base: PathBuf,
     text: String,
-    root: tree::Node,
+    root: tree::Table,
     meshes: Meshes,
 }
 
@@ -100,7 +97,7 @@ impl Source {
         let name = default_name(&self.file, &self.base);
         let draft = resolve(&root, &name, Files { base: &self.base, meshes: &self.meshes }, &report);
         let domain = extent::domain(&draft);
-        rules::check(&draft, domain, &report);
+        rules::check(&root, &draft, domain, &self.meshes, &report);
         let findings = report.into_findings();
         if findings.iter().any(|finding| finding.severity == Severity::Error) {
             return Err(findings);
@@ -109,18 +106,6 @@ impl Source {
             Some(scene) => Ok((scene, findings)),
             None => unreachable!("a scene without errors resolves as a whole"),
         }
-    }
-}
-
-/// STL files by their path, each read once.
-#[derive(Debug, Default)]
-pub(super) struct Meshes(Mutex<HashMap<PathBuf, Result<TriangleMesh, StlError>>>);
-
-impl Meshes {
-    /// The mesh in a file.
-    pub fn of(&self, path: &Path) -> Result<TriangleMesh, StlError> {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        known.entry(path.to_owned()).or_insert_with(|| read_stl(path)).clone()
     }
 }
 
@@ -323,6 +308,13 @@ mod tests {
     }
 
     #[test]
+    fn a_name_that_ends_like_a_unit_is_no_other_name() {
+        let settings = [("material.glass_mm".to_owned(), "{}".to_owned())];
+        let findings = read_text(DEFAULT, "scene.toml", base(), &settings).expect_err("glass has been replaced");
+        assert!(findings.iter().any(|finding| finding.rule == "unknown-name"), "{findings:?}");
+    }
+
+    #[test]
     fn a_plane_problem_keeps_its_thickness_and_checkpoint() {
         let (scene, _) = read_text(PLANE, "folder/scene.toml", base(), &[]).expect("a valid scene");
         assert_eq!(scene.name, "folder");
@@ -398,6 +390,34 @@ mod tests {
         for name in ["outlet", "0"] {
             let scene = gates(&[(&format!("stage.plate.replay.{name}.loops"), "2")]);
             assert_eq!(scene.stages[2].replays[0].loops, 2);
+        }
+    }
+
+    #[test]
+    fn a_source_gives_each_of_many_scenes_as_if_it_was_the_only_one() {
+        let folder = Path::new("examples/chute-tilt-campaign");
+        let source = Source::open(folder).expect("a scene");
+        let values: [(&str, &[&str]); 6] = [
+            ("part.chute.place.rotate.angle", &["30 deg", "0 deg", "-0.0 deg", "40 deg"]),
+            ("part.box.scale", &["0.001", "0.002"]),
+            ("part.box.place.move_mm", &["[0, 0, 0]", "[-0.0, 0, 0]", "[0, 0, 900]"]),
+            ("part.box.file", &["chute.stl", "missing.stl", "."]),
+            ("gate.outlet.exclusion.length_mm", &["7", "-7"]),
+            ("stage.1.replay.0.length", &["6 mm", "9 mm"]),
+        ];
+        let mut tried = vec![Vec::new()];
+        for (key, values) in values {
+            let setting = |value: &&str| (key.to_owned(), (*value).to_owned());
+            tried.extend(values.iter().map(setting).map(|one| vec![one]));
+            tried.extend(values.iter().map(setting).map(|one| vec![one, ("pair.1.friction".into(), "0.1".into())]));
+        }
+        let shown = |result| format!("{result:?}");
+        let alone: Vec<String> = tried.iter().map(|settings| shown(read(folder, settings))).collect();
+        // Each after every other, so that whatever is taken over could come from the wrong one.
+        for (first, second) in (0..tried.len()).flat_map(|first| (0..first).map(move |second| (first, second))) {
+            for index in [first, second, first] {
+                assert_eq!(shown(source.resolve(&tried[index])), alone[index], "{:?}", tried[index]);
+            }
         }
     }
 

@@ -4,62 +4,106 @@
 use super::diagnostics::{Place, Report, hint, nearest};
 use super::quantity;
 use super::schema;
-use super::tree::{Entry, Node, Table, Value};
+use super::tree::{Node, Table, Value};
 use std::cell::RefCell;
 
 mod quantities;
 
 pub(crate) use quantities::Limit;
 
-/// Reads one table.
+/// Reads one table. It borrows all that it knows: what findings say of it is put into words only where there is one.
 pub(crate) struct Reader<'a> {
     table: &'a Table,
     /// Where the table stands.
-    pub place: Place,
-    /// Its path: `feed.0`; empty for the whole scene.
-    pub path: String,
-    /// What it is called in messages: `feed "fill"`; empty for the whole scene.
-    label: String,
+    pub place: &'a Place,
+    /// What the table is part of; `None` for the whole file.
+    above: Option<&'a Reader<'a>>,
+    /// Which part of it.
+    step: Step<'a>,
     /// Its section in [`schema::SECTIONS`].
     section: &'static str,
     /// Where findings go.
-    pub report: &'a Report,
+    pub report: &'a Report<'a>,
     asked: RefCell<Vec<&'static str>>,
-    /// Keys as written that were read.
-    used: RefCell<Vec<String>>,
+    /// Numbers of the entries that were read.
+    used: RefCell<Vec<usize>>,
 }
+
+/// Which part of the table above a table is.
+#[derive(Clone, Copy)]
+enum Step<'a> {
+    /// The whole file.
+    Whole,
+    /// The value of a key.
+    Key(&'static str),
+    /// An element of the array of a key, by its number.
+    Element(&'static str, usize),
+    /// What has this name in the table of a key.
+    Named(&'static str, &'a str),
+}
+
+/// Keys that a table is usually asked for.
+const USUAL_KEYS: usize = 16;
 
 impl<'a> Reader<'a> {
     /// A reader of a whole file; `section` is what the file is: a scene, a campaign.
-    pub fn root(table: &'a Table, section: &'static str, report: &'a Report) -> Self {
-        Self::new(table, Place::in_file(0..0), String::new(), String::new(), section, report)
+    pub fn root(table: &'a Table, section: &'static str, report: &'a Report<'a>) -> Self {
+        const START: &Place = &Place::File(0..0);
+        Self::new(table, START, None, Step::Whole, section, report)
     }
 
     fn new(
         table: &'a Table,
-        place: Place,
-        path: String,
-        label: String,
+        place: &'a Place,
+        above: Option<&'a Self>,
+        step: Step<'a>,
         section: &'static str,
-        report: &'a Report,
+        report: &'a Report<'a>,
     ) -> Self {
-        for entry in &table.entries {
-            let base = quantity::base_of_key(&entry.key);
-            report.remember(join(&path, base), entry.key_place.clone());
-            if base != entry.key {
-                report.remember(join(&path, &entry.key), entry.key_place.clone());
-            }
+        let asked = RefCell::new(Vec::with_capacity(USUAL_KEYS));
+        let used = RefCell::new(Vec::with_capacity(table.entries.len()));
+        Self { table, place, above, step, section, report, asked, used }
+    }
+
+    /// Path of the table: `feed.0`; empty for the whole file.
+    pub fn path(&self) -> String {
+        let above = self.above.map_or_else(String::new, Self::path);
+        match self.step {
+            Step::Whole => above,
+            Step::Key(key) => join(&above, key),
+            Step::Element(key, number) => join(&above, &format!("{key}.{number}")),
+            Step::Named(key, name) => join(&above, &format!("{key}.{name}")),
         }
-        report.remember(path.clone(), place.clone());
-        Self { table, place, path, label, section, report, asked: RefCell::default(), used: RefCell::default() }
+    }
+
+    /// What the table is called in messages: `feed "fill"`; empty for the whole file.
+    fn label(&self) -> String {
+        let above = self.above.map_or_else(String::new, Self::label);
+        let own = match self.step {
+            Step::Whole => return above,
+            // At the top, a table is shown as it is written.
+            Step::Key(key) if above.is_empty() => format!("[{key}]"),
+            Step::Key(key) => format!("`{key}`"),
+            Step::Element(key, number) => match self.table.get("name") {
+                Some(Node { value: Value::Text(name), .. }) => format!("{key} \"{name}\""),
+                _ => format!("{key} {number}"),
+            },
+            Step::Named(key, name) => format!("[{key}.{name}]"),
+        };
+        if above.is_empty() { own } else { format!("{own} of {above}") }
+    }
+
+    /// The table of the whole file.
+    fn whole(&self) -> &'a Table {
+        self.above.map_or(self.table, Self::whole)
     }
 
     /// The entry `key`, marked as asked for.
     fn entry(&self, key: &'static str) -> Option<&'a Node> {
         self.ask(key);
-        let node = self.table.get(key)?;
-        self.used.borrow_mut().push(key.to_owned());
-        Some(node)
+        let (number, entry) = self.table.entries.iter().enumerate().find(|(_, entry)| entry.key == key)?;
+        self.used.borrow_mut().push(number);
+        Some(&entry.node)
     }
 
     fn ask(&self, key: &'static str) {
@@ -69,29 +113,35 @@ impl<'a> Reader<'a> {
 
     /// Where `key` stands, or the table if it is absent.
     pub fn place_of(&self, key: &str) -> Place {
-        self.report.place(&join(&self.path, key))
+        self.table.named(key).map_or(self.place, |entry| &entry.key_place).clone()
     }
 
     /// True where `key` is given, with or without a unit at its end, even one that is unknown.
     pub fn has(&self, key: &str) -> bool {
         self.table.entries.iter().any(|entry| {
-            let base = quantity::base_of_key(&entry.key);
-            entry.key == key || base == key || (!schema::knows(self.section, base) && ends_oddly(&entry.key, key))
+            let begins = entry.key.starts_with(key);
+            begins && (entry.key == key || quantity::base_of_key(&entry.key) == key || self.ends_oddly(&entry.key, key))
         })
+    }
+
+    /// True for `key` with what may be meant as a unit and is none.
+    fn ends_oddly(&self, written: &str, key: &str) -> bool {
+        ends_oddly(written, key) && !schema::knows(self.section, quantity::base_of_key(written))
     }
 
     /// Reports that `key` is missing.
     pub fn missing(&self, key: &str, example: &str) {
         self.report.error(
             "missing-key",
-            &self.place,
+            self.place,
             format!("{} has no `{key}`", self.words()),
             format!("add `{example}`"),
         );
     }
 
     fn words(&self) -> String {
-        if self.label.is_empty() { format!("the {}", self.section) } else { self.label.clone() }
+        let label = self.label();
+        if label.is_empty() { format!("the {}", self.section) } else { label }
     }
 
     /// Reports that `key` is not `wanted`.
@@ -166,7 +216,7 @@ impl<'a> Reader<'a> {
             let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
             self.report.error(
                 "missing-key",
-                &self.place,
+                self.place,
                 format!("{} has no `{key}`", self.words()),
                 format!("add `{key} = \"…\"`; known: {}", known.join(", ")),
             );
@@ -205,7 +255,7 @@ impl<'a> Reader<'a> {
         };
         let found = known.iter().position(|other| other == name);
         // What was declared, but is no table, has its finding there.
-        if found.is_none() && !self.report.was_given(&join(section, name)) {
+        if found.is_none() && !self.is_declared(section, name) {
             let names: Vec<&str> = known.iter().map(String::as_str).collect();
             let what = if section == "particle" { "particle class" } else { section };
             self.report.error(
@@ -218,55 +268,42 @@ impl<'a> Reader<'a> {
         found
     }
 
+    /// True where the file gives something this name, right or wrong, under `section.NAME`.
+    fn is_declared(&self, section: &str, name: &str) -> bool {
+        matches!(self.whole().get(section), Some(Node { value: Value::Table(table), .. }) if table.get(name).is_some())
+    }
+
     /// The raw value of `key`.
     pub fn node(&self, key: &'static str) -> Option<&'a Node> {
         self.entry(key)
     }
 
     /// The table `key`.
-    pub fn table(&self, key: &'static str, section: &'static str) -> Option<Reader<'a>> {
+    pub fn table(&'a self, key: &'static str, section: &'static str) -> Option<Self> {
         let node = self.entry(key)?;
-        let found = self.table_of(node, join(&self.path, key), self.of(format!("`{key}`")), section);
+        let found = self.table_of(node, Step::Key(key), section);
         if found.is_none() {
             self.wrong_type(key, node, "a table", "{ … }");
         }
         found
     }
 
-    fn of(&self, own: String) -> String {
-        if self.label.is_empty() {
-            // At the top, a table is shown as it is written: [contact].
-            if own.starts_with('`') { own.replacen('`', "[", 1).replacen('`', "]", 1) } else { own }
-        } else {
-            format!("{own} of {}", self.label)
-        }
-    }
-
-    fn table_of(&self, node: &'a Node, path: String, label: String, section: &'static str) -> Option<Reader<'a>> {
+    fn table_of(&'a self, node: &'a Node, step: Step<'a>, section: &'static str) -> Option<Self> {
         match &node.value {
-            Value::Table(table) => Some(Reader::new(table, node.place.clone(), path, label, section, self.report)),
+            Value::Table(table) => Some(Self::new(table, &node.place, Some(self), step, section, self.report)),
             _ => None,
         }
     }
 
     /// The tables of the array `key`; each has the path `key.<number>`.
-    pub fn tables(&self, key: &'static str, section: &'static str) -> Vec<Reader<'a>> {
+    pub fn tables(&'a self, key: &'static str, section: &'static str) -> Vec<Self> {
         let Some(node) = self.entry(key) else { return Vec::new() };
         let Value::Array(items) = &node.value else {
             self.wrong_type(key, node, "an array of tables", &format!("[{{ … }}]`, or better write `[[{key}]]"));
             return Vec::new();
         };
-        let read = |(index, item): (usize, &'a Node)| {
-            let path = join(&join(&self.path, key), &index.to_string());
-            let own = match &item.value {
-                Value::Table(Table { entries }) => entries.iter().find(|entry| entry.key == "name"),
-                _ => None,
-            };
-            let own = match own {
-                Some(Entry { node: Node { value: Value::Text(name), .. }, .. }) => format!("{key} \"{name}\""),
-                _ => format!("{key} {index}"),
-            };
-            let reader = self.table_of(item, path, self.of(own), section);
+        let read = |(number, item): (usize, &'a Node)| {
+            let reader = self.table_of(item, Step::Element(key, number), section);
             if reader.is_none() {
                 self.wrong_type(key, item, "an array of tables", "[{ … }]");
             }
@@ -276,7 +313,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The named tables under `key`, with their names.
-    pub fn named_tables(&self, key: &'static str, section: &'static str) -> Vec<(String, Reader<'a>)> {
+    pub fn named_tables(&'a self, key: &'static str, section: &'static str) -> Vec<(String, Self)> {
         let Some(node) = self.entry(key) else { return Vec::new() };
         let Value::Table(table) = &node.value else {
             self.wrong_type(
@@ -288,11 +325,9 @@ impl<'a> Reader<'a> {
             return Vec::new();
         };
         let mut found = Vec::new();
-        for entry in &table.entries {
-            let path = join(&join(&self.path, key), &entry.key);
+        for entry in table.entries.iter() {
             self.check_name(&entry.key, &entry.key_place);
-            self.report.remember(path.clone(), entry.key_place.clone());
-            match self.table_of(&entry.node, path, self.of(format!("[{key}.{}]", entry.key)), section) {
+            match self.table_of(&entry.node, Step::Named(key, &entry.key), section) {
                 Some(reader) => found.push((entry.key.clone(), reader)),
                 None => self.report.error(
                     "wrong-type",
@@ -313,7 +348,8 @@ impl<'a> Reader<'a> {
     /// The mandatory `name` of an array's element, good for file names and `--set`.
     pub fn name(&self) -> Option<String> {
         let name = self.need_text("name", "…")?;
-        self.check_name(name, &self.place_of("name"));
+        let place = self.table.named("name").map_or(self.place, |entry| &entry.key_place);
+        self.check_name(name, place);
         Some(name.to_owned())
     }
 
@@ -333,7 +369,10 @@ impl<'a> Reader<'a> {
     pub fn finish(self) {
         let used = self.used.borrow();
         let asked = self.asked.borrow();
-        for entry in self.table.entries.iter().filter(|entry| !used.contains(&entry.key)) {
+        for (number, entry) in self.table.entries.iter().enumerate() {
+            if used.contains(&number) {
+                continue;
+            }
             let key = entry.key.as_str();
             let base = quantity::base_of_key(key);
             if asked.contains(&base) {

@@ -1,8 +1,11 @@
-//! The scene file as a tree of values that know where they stand: TOML text in, `--set` overrides applied.
+//! The scene file as a tree of values that know where they stand: TOML text in, `--set` overrides applied. Trees that differ by
+//! overrides share all tables and arrays that no override reaches into.
 
 use super::diagnostics::{Place, Report};
 use super::quantity;
 use std::ops::Range;
+use std::sync::Arc;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// A value and its place.
@@ -28,7 +31,7 @@ pub(crate) enum Value {
     /// Date or time: never what a scene wants.
     Date,
     /// Array.
-    Array(Vec<Node>),
+    Array(Arc<Vec<Node>>),
     /// Table.
     Table(Table),
 }
@@ -52,7 +55,7 @@ impl Value {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Table {
     /// Its entries.
-    pub entries: Vec<Entry>,
+    pub entries: Arc<Vec<Entry>>,
 }
 
 /// A key and its value.
@@ -67,6 +70,37 @@ pub(crate) struct Entry {
 }
 
 impl Table {
+    /// The entry that gives `key`, with or without a unit at its end.
+    pub fn named(&self, key: &str) -> Option<&Entry> {
+        let exact = self.entries.iter().find(|entry| entry.key == key);
+        exact.or_else(|| self.entries.iter().find(|entry| quantity::base_of_key(&entry.key) == key))
+    }
+
+    /// True where the value of `path` is given, right or wrong: dotted keys, elements of arrays by their number.
+    pub fn has_path(&self, path: &str) -> bool {
+        self.walk(path).is_some_and(|(_, rest)| rest.is_empty())
+    }
+
+    /// Where the longest known beginning of `path` stands; the start of the file if none does.
+    pub fn place_of_path(&self, path: &str) -> Place {
+        self.walk(path).map_or(Place::in_file(0..0), |(place, _)| place.clone())
+    }
+
+    /// Where the longest known beginning of `path` stands, and what of it is not known. Tables stand where they begin, other
+    /// values where their key is.
+    fn walk<'a>(&'a self, path: &'a str) -> Option<(&'a Place, &'a str)> {
+        let exact = |entry: &'a Entry| Some((entry, after(path, &entry.key)?));
+        let measured = |entry: &'a Entry| Some((entry, after(path, quantity::base_of_key(&entry.key))?));
+        let found = self.entries.iter().find_map(exact).or_else(|| self.entries.iter().find_map(measured));
+        let (entry, rest) = found?;
+        let (place, deeper) = match &entry.node.value {
+            Value::Table(inner) => (&entry.node.place, inner.walk(rest)),
+            Value::Array(items) => (&entry.key_place, walk_into(items, rest)),
+            _ => (&entry.key_place, None),
+        };
+        Some(deeper.unwrap_or((place, rest)))
+    }
+
     /// The value of `key`.
     pub fn get(&self, key: &str) -> Option<&Node> {
         self.entries.iter().find(|entry| entry.key == key).map(|entry| &entry.node)
@@ -107,11 +141,25 @@ impl Table {
     }
 }
 
+/// What follows `name` and its dot in `path`; names may have dots themselves.
+fn after<'a>(path: &'a str, name: &str) -> Option<&'a str> {
+    let rest = path.strip_prefix(name)?;
+    if rest.is_empty() { Some(rest) } else { rest.strip_prefix('.') }
+}
+
+/// [`Table::walk`] among the elements of an array, of which only tables are known.
+fn walk_into<'a>(items: &'a [Node], path: &'a str) -> Option<(&'a Place, &'a str)> {
+    let (number, rest) = path.split_once('.').unwrap_or((path, ""));
+    let item = items.get(number.parse::<usize>().ok()?)?;
+    let Value::Table(inner) = &item.value else { return None };
+    Some(inner.walk(rest).unwrap_or((&item.place, rest)))
+}
+
 /// So many syntax errors are shown; a file that is no TOML at all has one in each line.
 const MOST_SYNTAX_ERRORS: usize = 20;
 
 /// Parses a scene's text; syntax errors go to the report, and what could be read comes back.
-pub(crate) fn parse(text: &str, report: &Report) -> Node {
+pub(crate) fn parse(text: &str, report: &Report<'_>) -> Table {
     let (document, errors) = DeTable::parse_recoverable(text);
     for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
         let span = error.span().unwrap_or(0..0);
@@ -122,7 +170,7 @@ pub(crate) fn parse(text: &str, report: &Report) -> Node {
             "correct the TOML; strings stand in double quotes, tables in [brackets]",
         );
     }
-    Node { value: Value::Table(table(document.get_ref(), &Place::in_file)), place: Place::in_file(0..0) }
+    table(document.get_ref(), &Place::in_file)
 }
 
 fn table(source: &DeTable<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Table {
@@ -135,7 +183,7 @@ fn table(source: &DeTable<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Table {
         })
         .collect();
     entries.sort_by_key(|entry| entry.key_place.start());
-    Table { entries }
+    Table { entries: Arc::new(entries) }
 }
 
 fn convert(value: &DeValue<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Value {
@@ -148,18 +196,17 @@ fn convert(value: &DeValue<'_>, place: &dyn Fn(Range<usize>) -> Place) -> Value 
         DeValue::Float(number) => Value::Number(number.as_str().parse().unwrap_or(f64::NAN)),
         DeValue::Boolean(flag) => Value::Boolean(*flag),
         DeValue::Datetime(_) => Value::Date,
-        DeValue::Array(items) => Value::Array(
-            items
-                .iter()
-                .map(|item| Node { value: convert(item.get_ref(), place), place: place(item.span()) })
-                .collect(),
-        ),
+        DeValue::Array(items) => {
+            let node =
+                |item: &Spanned<DeValue<'_>>| Node { value: convert(item.get_ref(), place), place: place(item.span()) };
+            Value::Array(Arc::new(items.iter().map(node).collect()))
+        }
         DeValue::Table(inner) => Value::Table(table(inner, place)),
     }
 }
 
 /// Applies one `--set path=text` to the tree. `text` is a TOML value; what is none is taken as a string.
-pub(crate) fn set(root: &mut Node, path: &str, text: &str, report: &Report) {
+pub(crate) fn set(root: &mut Table, path: &str, text: &str, report: &Report<'_>) {
     let place = Place::in_setting(format!("--set {path}={text}"));
     let at = |_: Range<usize>| place.clone();
     let value = match DeValue::parse(text) {
@@ -167,43 +214,48 @@ pub(crate) fn set(root: &mut Node, path: &str, text: &str, report: &Report) {
         Err(_) => Value::Text(text.to_owned()),
     };
     let steps: Vec<&str> = path.split('.').collect();
-    if let Err((what, next)) = place_value(root, &steps, path, value, &place) {
+    if let Err((what, next)) = place_in(root, &steps, path, Node { value, place: place.clone() }) {
         report.error("set-path", &place, what, next);
     }
 }
 
 type Refusal = (String, String);
 
-/// Walks down `steps` and puts the value there.
-fn place_value(node: &mut Node, steps: &[&str], path: &str, value: Value, place: &Place) -> Result<(), Refusal> {
+/// Walks down `steps` from a table and puts the node there.
+fn place_in(table: &mut Table, steps: &[&str], path: &str, node: Node) -> Result<(), Refusal> {
+    let [step, rest @ ..] = steps else { return Ok(()) };
+    let entries = Arc::make_mut(&mut table.entries);
+    if rest.is_empty() {
+        let base = quantity::base_of_key(step);
+        entries.retain(|entry| entry.key == *step || quantity::base_of_key(&entry.key) != base);
+    }
+    let index = entries.iter().position(|entry| entry.key == *step).unwrap_or_else(|| {
+        let (key_place, place) = (node.place.clone(), node.place.clone());
+        let value = Value::Table(Table::default());
+        entries.push(Entry { key: (*step).to_owned(), key_place, node: Node { value, place } });
+        entries.len() - 1
+    });
+    let entry = &mut entries[index];
+    if rest.is_empty() {
+        entry.key_place = node.place.clone();
+    }
+    place_below(&mut entry.node, rest, path, node)
+}
+
+/// Walks down `steps` from a node and puts the other one there.
+fn place_below(node: &mut Node, steps: &[&str], path: &str, other: Node) -> Result<(), Refusal> {
     let [step, rest @ ..] = steps else {
-        node.value = value;
-        node.place = place.clone();
+        *node = other;
         return Ok(());
     };
     match &mut node.value {
-        Value::Table(inner) => {
-            if rest.is_empty() {
-                let base = quantity::base_of_key(step);
-                inner.entries.retain(|entry| entry.key == *step || quantity::base_of_key(&entry.key) != base);
-            }
-            let index = inner.entries.iter().position(|entry| entry.key == *step).unwrap_or_else(|| {
-                let node = Node { value: Value::Table(Table::default()), place: place.clone() };
-                inner.entries.push(Entry { key: (*step).to_owned(), key_place: place.clone(), node });
-                inner.entries.len() - 1
-            });
-            let entry = &mut inner.entries[index];
-            if rest.is_empty() {
-                entry.key_place = place.clone();
-            }
-            place_value(&mut entry.node, rest, path, value, place)
-        }
+        Value::Table(inner) => place_in(inner, steps, path, other),
         Value::Array(items) => {
             let index = element(items, step).ok_or_else(|| missing_element(items, step, path))?;
-            place_value(&mut items[index], rest, path, value, place)
+            place_below(&mut Arc::make_mut(items)[index], rest, path, other)
         }
-        other => Err((
-            format!("`{path}` does not exist: the value above `{step}` is {}", other.kind()),
+        value => Err((
+            format!("`{path}` does not exist: the value above `{step}` is {}", value.kind()),
             "name a key of the scene file, in dots".to_owned(),
         )),
     }
@@ -236,15 +288,16 @@ fn missing_element(items: &[Node], step: &str, path: &str) -> Refusal {
 mod tests {
     use super::*;
 
-    fn tree(text: &str) -> Node {
+    fn tree(text: &str) -> Table {
         let report = Report::new("scene.toml", text);
-        let node = parse(text, &report);
+        let table = parse(text, &report);
         assert!(report.into_findings().is_empty());
-        node
+        table
     }
 
-    fn at<'a>(node: &'a Node, steps: &[&str]) -> &'a Value {
-        steps.iter().fold(&node.value, |value, step| match value {
+    fn at<'a>(table: &'a Table, steps: &[&str]) -> &'a Value {
+        let first = &table.get(steps[0]).expect("the key exists").value;
+        steps[1..].iter().fold(first, |value, step| match value {
             Value::Table(table) => &table.get(step).expect("the key exists").value,
             Value::Array(items) => &items[step.parse::<usize>().expect("a number")].value,
             other => panic!("{step} in {other:?}"),
@@ -283,6 +336,48 @@ mod tests {
         assert_eq!(at(&node, &["particle", "ore", "diameter_mm"]), &Value::Integer(4));
         let Value::Table(ore) = at(&node, &["particle", "ore"]) else { panic!("a table") };
         assert!(ore.get("diameter").is_none());
+    }
+
+    #[test]
+    fn an_override_leaves_the_tree_that_it_was_made_of_and_shares_the_rest() {
+        let text = "[[part]]\nname = \"wall\"\nplace = { move_mm = [1, 2, 3] }\n[[part]]\nname = \"mill\"\n[end]\ntime = \"1 s\"\n";
+        let (base, report) = (tree(text), Report::new("scene.toml", ""));
+        let mut other = base.clone();
+        set(&mut other, "part.mill.material", "steel", &report);
+        assert_eq!(base, tree(text));
+        assert_eq!(at(&other, &["part", "1", "material"]), &Value::Text("steel".into()));
+        let entries = |table: &Table, steps: &[&str]| match at(table, steps) {
+            Value::Table(table) => Arc::clone(&table.entries),
+            other => panic!("{other:?}"),
+        };
+        for steps in [&["end"][..], &["part", "0"]] {
+            assert!(Arc::ptr_eq(&entries(&base, steps), &entries(&other, steps)), "{steps:?}");
+        }
+        assert!(!Arc::ptr_eq(&entries(&base, &["part", "1"]), &entries(&other, &["part", "1"])));
+    }
+
+    #[test]
+    fn a_path_leads_to_where_its_longest_known_beginning_stands() {
+        let text = "gravity_m_per_s2 = [0, 0, 1]\n[material.\"a.b\"]\ndensity = \"1 kg/m3\"\n[[part]]\nname = \"x\"\n[[part.motion]]\nrate = 1\n";
+        let table = tree(text);
+        let shown = |path: &str| match table.place_of_path(path) {
+            Place::File(span) => text[span].to_owned(),
+            Place::Setting(setting) => setting,
+        };
+        for (path, expected, is_whole) in [
+            ("gravity", "gravity_m_per_s2", true),
+            ("gravity_m_per_s2", "gravity_m_per_s2", true),
+            ("gravity.0", "gravity_m_per_s2", false),
+            ("material.a.b.density", "density", true),
+            ("material.a.b.youngs_modulus", "[material.\"a.b\"]", false),
+            ("part.0.name", "name", true),
+            ("part.0.file", "[[part]]", false),
+            ("part.1.file", "part", false),
+            ("part.0.motion.0.rate.x", "rate", false),
+            ("nothing.at.all", "", false),
+        ] {
+            assert_eq!((shown(path).as_str(), table.has_path(path)), (expected, is_whole), "{path}");
+        }
     }
 
     #[test]

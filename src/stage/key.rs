@@ -1,23 +1,30 @@
 //! The key of a stage: a hash of all that influences its result, and of what was asked to be written.
 
+use super::canonical;
 use super::split::Recording;
-use crate::scene::Scene;
+use crate::dem::feed::Feed;
+use crate::dem::law::LawSettings;
+use crate::geometry::part::Part;
+use crate::material::MaterialTable;
+use crate::math::Vec3;
+use crate::particle::{Body, ParticleClass};
 use crate::scene::backend::BackendName;
 use crate::scene::gate::{BackingUp, Clock, Fate, PathMode, Replay, Timing, Transform};
+use crate::scene::{Domain, EndConditions, Measure, OutputSettings, Scene, SolverSettings};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 /// All that influences a stage's result, as JSON that can be compared, and its hash.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageKey {
     /// blake3 digest of `content`, hexadecimal.
     pub key: String,
     /// blake3 digest of what was asked to be written and measured, hexadecimal.
     pub outputs_key: String,
-    /// What the key is a hash of.
-    pub content: Value,
-    /// What the other one is a hash of.
-    pub outputs: Value,
+    /// What the key is a hash of: JSON as [`canonical`] has it.
+    pub content: String,
+    /// What the other one is a hash of: JSON as well.
+    pub outputs: String,
 }
 
 /// Numbers that a plan and a backend add to the scene.
@@ -95,10 +102,34 @@ impl From<&Replay> for ReplayChoice {
 
 /// Keys of the scene that say what is written or how it is called, and change no result.
 const OUTPUT_KEYS: [&str; 2] = ["output", "measures"];
-/// Keys of the scene that say how it is split; what a stage has of them is among the choices.
-const SPLIT_KEYS: [&str; 2] = ["gates", "stages"];
 /// Keys of `[liggghts]` that say how it is started and what is kept of it.
 const STARTING_KEYS: [&str; 3] = ["mpirun", "time_limit", "keep_samples"];
+
+/// What a stage's key is a hash of.
+#[derive(Serialize)]
+struct Content<'a> {
+    seed: &'a u64,
+    body: &'a Body,
+    gravity: &'a Vec3,
+    domain: &'a Domain,
+    materials: &'a MaterialTable,
+    law: &'a LawSettings,
+    classes: &'a [ParticleClass],
+    feeds: &'a [Feed],
+    parts: &'a [Part],
+    solver: &'a SolverSettings,
+    end: &'a EndConditions,
+    choices: Choices<'a>,
+}
+
+/// What a stage is to write and measure.
+#[derive(Serialize)]
+struct Outputs<'a> {
+    output: &'a OutputSettings,
+    measures: &'a [Measure],
+    #[serde(skip_serializing_if = "<[Recording]>::is_empty")]
+    observes: &'a [Recording],
+}
 
 impl StageKey {
     /// The key of a scene under these choices. Comments, the scene's name, paths and the number of threads are not in it; the
@@ -108,26 +139,37 @@ impl StageKey {
     /// Never: a scene is plain numbers and names.
     #[must_use]
     pub fn new(scene: &Scene, choices: &Choices) -> Self {
-        let mut content = to_map(scene);
-        content.remove("name");
-        // A path; what it leads to is among the choices.
-        content.remove("start_checkpoint");
-        // Of those who compute by it: among the choices as well.
-        content.remove("liggghts");
-        content.remove("backend");
-        SPLIT_KEYS.iter().for_each(|key| drop(content.remove(*key)));
-        content.insert("materials".to_owned(), to_value(&scene.materials.of_those(choices.materials)));
-        let mut outputs: Map<String, Value> =
-            OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
+        let Scene {
+            seed,
+            body,
+            gravity,
+            domain,
+            materials,
+            law,
+            classes,
+            feeds,
+            parts,
+            solver,
+            end,
+            output,
+            measures,
+            // Among the choices: how it is split, who computes by what it is told, and what the path leads to.
+            gates: _,
+            stages: _,
+            backend: _,
+            liggghts: _,
+            start_checkpoint: _,
+            // It changes no result.
+            name: _,
+        } = scene;
         // A gate that is only observed changes nothing but what is written.
         let (observed, records): (Vec<Recording>, Vec<Recording>) =
             choices.records.iter().cloned().partition(|recording| recording.observes);
-        if !observed.is_empty() {
-            outputs.insert("observes".to_owned(), to_value(&observed));
-        }
+        let materials = &materials.of_those(choices.materials);
         let choices = Choices { records: &records, ..*choices };
-        content.insert("choices".to_owned(), Value::Object(to_map(&choices)));
-        Self::of(Value::Object(content), Value::Object(outputs))
+        let content =
+            Content { seed, body, gravity, domain, materials, law, classes, feeds, parts, solver, end, choices };
+        Self::of(canonical::text_of(&content), canonical::text_of(&Outputs { output, measures, observes: &observed }))
     }
 }
 
@@ -191,14 +233,23 @@ impl StageKey {
             OUTPUT_KEYS.iter().filter_map(|&key| Some((key.to_owned(), content.remove(key)?))).collect();
         content.insert("whole".to_owned(), whole.into());
         content.insert("kick".to_owned(), serde_json::json!(kick));
-        Self::of(Value::Object(content), Value::Object(outputs))
+        Self::of(Value::Object(content).to_string(), Value::Object(outputs).to_string())
     }
 }
 
 impl StageKey {
-    fn of(content: Value, outputs: Value) -> Self {
+    fn of(content: String, outputs: String) -> Self {
         Self { key: digest(&content), outputs_key: digest(&outputs), content, outputs }
     }
+}
+
+/// What a key, or an outputs key, is a hash of, to be compared.
+///
+/// # Panics
+/// Where it is no JSON: it is what a [`StageKey`] has.
+#[must_use]
+pub fn value_of(text: &str) -> Value {
+    serde_json::from_str(text).expect("JSON that was written here")
 }
 
 /// What external codes are told does not belong to a run that none of them computes.
@@ -219,8 +270,8 @@ fn to_map(value: &impl Serialize) -> Map<String, Value> {
     }
 }
 
-fn digest(value: &Value) -> String {
-    blake3::hash(value.to_string().as_bytes()).to_hex().to_string()
+fn digest(text: &str) -> String {
+    blake3::hash(text.as_bytes()).to_hex().to_string()
 }
 
 /// Places at which two contents differ, as dotted paths, at most `most` of them.
@@ -360,7 +411,7 @@ mod tests {
         let mut job = whole_jobs(&scene(&[])).swap_remove(0);
         job.records.clear();
         let key = key_of(&job, &[]);
-        let text = key.content.to_string();
+        let text = key.content;
         for word in ["gates", "stages", "records", "replays", "streams"] {
             assert!(!text.contains(&format!("\"{word}\"")), "{word}");
         }

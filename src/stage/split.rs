@@ -3,7 +3,7 @@
 
 use super::graph::Graph;
 use crate::dem::feed::FeedKind;
-use crate::geometry::part::Trigger;
+use crate::geometry::part::{Part, Trigger};
 use crate::scene::backend::BackendName;
 use crate::scene::gate::{Clock, Gate, Replay, StreamSource};
 use crate::scene::layout::Layout;
@@ -88,11 +88,12 @@ pub fn stage_jobs(scene: &Scene) -> Vec<StageJob> {
         // Where particles leave through a gate, nothing is left to be done once all of them have.
         let scenes_end = EndConditions { empty: scene.end.empty || !outline.records.is_empty(), ..scene.end };
         job.scene.end = outline.end.unwrap_or(scenes_end);
-        let upstream = crop(scene, &layout, graph.ancestors(stage));
-        job.upstream_feeds = upstream.own_feeds;
+        let (is_upstream, upstream_feeds) = members(scene, &layout, graph.ancestors(stage));
+        job.upstream_feeds = upstream_feeds;
         job.materials = materials(scene, &job);
-        let shared = |name: &&String| upstream.scene.parts.iter().any(|part| part.name == **name);
-        job.upstream_parts = job.scene.parts.iter().map(|part| &part.name).filter(shared).cloned().collect();
+        let upstream = scene.parts.iter().zip(&is_upstream).filter(|(_, is_upstream)| **is_upstream);
+        let shared = |part: &&Part| upstream.clone().any(|(other, _)| other.name == part.name);
+        job.upstream_parts = job.scene.parts.iter().filter(shared).map(|part| part.name.clone()).collect();
         job.waits_for = graph.parents(stage).iter().filter_map(|parent| place(*parent)).collect();
         job.is_leaf = graph.is_leaf(stage);
         if !job.is_leaf {
@@ -159,8 +160,8 @@ fn difference(replay: &Replay) -> Option<&'static str> {
     }
 }
 
-/// What some stages have together: their parts and feeds; the start checkpoint belongs to the stages that nothing enters.
-fn crop(scene: &Scene, layout: &Layout<'_>, stages: &[usize]) -> StageJob {
+/// What some stages have together: which of the parts, and their feeds, ascending.
+fn members(scene: &Scene, layout: &Layout<'_>, stages: &[usize]) -> (Vec<bool>, Vec<usize>) {
     let mut has_part = vec![false; scene.parts.len()];
     let mut own_feeds = Vec::new();
     for stage in stages {
@@ -169,6 +170,12 @@ fn crop(scene: &Scene, layout: &Layout<'_>, stages: &[usize]) -> StageJob {
     }
     own_feeds.sort_unstable();
     own_feeds.dedup();
+    (has_part, own_feeds)
+}
+
+/// The scene cut down to some stages: their parts and feeds; the start checkpoint belongs to the stages that nothing enters.
+fn crop(scene: &Scene, layout: &Layout<'_>, stages: &[usize]) -> StageJob {
+    let (has_part, own_feeds) = members(scene, layout, stages);
     let mut cropped = scene.clone();
     cropped.gates.clear();
     cropped.stages.clear();

@@ -82,10 +82,7 @@ impl Site {
         let report = Report::new(file, text);
         let root = tree::parse(text, &report);
         // What follows a syntax error is anybody's guess.
-        let site = match &root.value {
-            Value::Table(table) if report.is_empty() => Some(resolve(Reader::root(table, "site file", &report))),
-            _ => None,
-        };
+        let site = report.is_empty().then(|| resolve(Reader::root(&root, "site file", &report)));
         site.filter(|_| report.is_empty()).ok_or_else(|| report.into_findings())
     }
 }

@@ -55,29 +55,28 @@ impl<'a> Reader<'a> {
         dimensions: &[Dimension],
     ) -> Option<(&'a Node, Option<(Dimension, f64)>)> {
         self.ask(key);
-        let mut found: Vec<(&'a Node, Option<(Dimension, f64)>)> = Vec::new();
-        for entry in &self.table.entries {
-            let Some(ending) = entry.key.strip_prefix(key) else { continue };
-            if ending.is_empty() {
-                found.push((&entry.node, None));
-            } else if let Some(unit) =
-                dimensions.iter().flat_map(|d| units_of(*d)).find(|unit| unit.key_ending() == ending)
-            {
-                found.push((&entry.node, Some((unit.dimension, unit.factor))));
-            } else {
-                continue;
-            }
-            self.used.borrow_mut().push(entry.key.clone());
-        }
-        if found.len() > 1 {
+        let unit = |ending: &str| {
+            let unit = dimensions.iter().flat_map(|d| units_of(*d)).find(|unit| unit.key_ending() == ending);
+            unit.map(|unit| Some((unit.dimension, unit.factor)))
+        };
+        let mut found = self.table.entries.iter().enumerate().filter_map(|(number, entry)| {
+            let ending = entry.key.strip_prefix(key)?;
+            let factor = if ending.is_empty() { None } else { unit(ending)? };
+            self.used.borrow_mut().push(number);
+            Some((&entry.node, factor))
+        });
+        let first = found.next();
+        if let Some((second, _)) = found.next() {
             self.report.error(
                 "given-twice",
-                &found[1].0.place,
+                &second.place,
                 format!("`{key}` is given twice, with different units"),
                 "keep one of the two",
             );
         }
-        found.first().copied()
+        // A third one is marked as read as well.
+        found.for_each(drop);
+        first
     }
 
     /// A quantity in SI.

@@ -29,7 +29,7 @@ pub(super) fn gates(
 ) -> Vec<Located<Gate>> {
     let mut gates = Vec::new();
     for table in reader.tables("gate", "gate") {
-        let path = table.path.clone();
+        let path = table.path();
         let place = table.place_of("name");
         let name = table.name();
         if let Some(name) = &name {

@@ -63,7 +63,7 @@ fn pair(reader: Reader<'_>, context: &Context<'_>, law: Option<&LawSettings>) ->
     let friction = reader.need_quantity("friction", Dimension::Dimensionless, Limit::NotNegative);
     let rolling = reader.quantity("rolling_friction", Dimension::Dimensionless, Limit::NotNegative);
     rolling_friction(&reader, law);
-    let path = reader.path.clone();
+    let path = reader.path();
     reader.finish();
     let properties = contact.zip(friction).map(|(contact, sliding_friction)| PairProperties {
         contact,
@@ -144,7 +144,7 @@ fn rolling_friction(reader: &Reader<'_>, law: Option<&LawSettings>) {
         ),
         (RollingLaw::Cdt | RollingLaw::Epsd2, false) => reader.report.error(
             "rolling-friction",
-            &reader.place,
+            reader.place,
             "the scene has rolling resistance, and this pair has no `rolling_friction`",
             "add for example `rolling_friction = 0.05`; 0 for none in this pair",
         ),

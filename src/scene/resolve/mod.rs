@@ -14,10 +14,11 @@ mod stages;
 use super::diagnostics::{Place, Report};
 use super::extent;
 use super::gate::Gate;
+use super::meshes::Meshes;
 use super::quantity::Dimension;
-use super::read::{Files, Meshes};
+use super::read::Files;
 use super::reader::{Limit, Reader};
-use super::tree::{Node, Value};
+use super::tree::{Node, Table, Value};
 use super::{EndConditions, Measure, OutputSettings, SolverSettings};
 use crate::dem::feed::Feed;
 use crate::dem::law::LawSettings;
@@ -126,14 +127,9 @@ pub(super) struct Context<'a> {
     pub classes: Vec<String>,
 }
 
-/// Resolves the tree of a scene.
-pub(super) fn resolve(root: &Node, name: &str, files: Files<'_>, report: &Report) -> Draft {
+/// Resolves a scene as written.
+pub(super) fn resolve(table: &Table, name: &str, files: Files<'_>, report: &Report<'_>) -> Draft {
     let base = files.base;
-    let empty = super::tree::Table::default();
-    let table = match &root.value {
-        Value::Table(table) => table,
-        _ => &empty,
-    };
     let reader = Reader::root(table, "scene", report);
     version(&reader);
     let body = body(&reader);

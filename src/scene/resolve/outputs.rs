@@ -40,7 +40,7 @@ pub(super) fn solver(reader: &Reader<'_>) -> SolverSettings {
     settings.impact_speed = table.quantity("impact_speed", Velocity, Limit::Positive);
     settings.sleeping = table.table("sleeping", "solver.sleeping").and_then(sleeping);
     if let Some(models) = table.table("models", "solver.models") {
-        for entry in &models.entries().entries {
+        for entry in models.entries().entries.iter() {
             match entry.node.value {
                 Value::Boolean(on) => settings.forced_models.push((entry.key.clone(), on)),
                 _ => models.wrong_type(&entry.key, &entry.node, "true or false", "true"),
@@ -141,7 +141,7 @@ pub(super) fn measures(
 ) -> Vec<Located<MeasureDraft>> {
     let mut measures = Vec::new();
     for table in reader.tables("measure", "measure") {
-        let path = table.path.clone();
+        let path = table.path();
         let place = table.place_of("name");
         let name = table.name();
         if let Some(name) = &name {

@@ -10,10 +10,7 @@ use crate::scene::tree::{Node, Value};
 pub(super) fn classes(reader: &Reader<'_>, context: &mut Context<'_>) -> Vec<Located<Option<ParticleClass>>> {
     let tables = reader.named_tables("particle", "particle");
     context.classes = tables.iter().map(|(name, _)| name.clone()).collect();
-    tables
-        .into_iter()
-        .map(|(name, table)| Located { path: table.path.clone(), item: class(name, table, context) })
-        .collect()
+    tables.into_iter().map(|(name, table)| Located { path: table.path(), item: class(name, table, context) }).collect()
 }
 
 fn class(name: String, reader: Reader<'_>, context: &Context<'_>) -> Option<ParticleClass> {

@@ -27,7 +27,7 @@ pub(super) fn parts(
 ) -> Vec<Located<PartDraft>> {
     let mut parts = Vec::new();
     for table in reader.tables("part", "part") {
-        let path = table.path.clone();
+        let path = table.path();
         let place = table.place_of("name");
         let name = table.name();
         if let Some(name) = &name {

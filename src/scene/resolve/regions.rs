@@ -4,6 +4,7 @@ use super::Context;
 use crate::dem::feed::{Face, Region};
 use crate::geometry::part::TriangleMesh;
 use crate::math::{Rotation, Vec3};
+use crate::scene::meshes::Unusable;
 use crate::scene::quantity::Dimension::{Angle, Dimensionless, Length};
 use crate::scene::reader::{Limit, Reader};
 use nalgebra::Unit;
@@ -69,15 +70,14 @@ pub(super) fn rotation(reader: Reader<'_>) -> Option<(Vec3, f64, Vec3)> {
 pub(super) fn stl(reader: &Reader<'_>, context: &Context<'_>) -> Option<(TriangleMesh, PathBuf)> {
     let name = reader.need_text("file", "shape.stl")?;
     let path = context.base.join(name);
-    if path.metadata().is_ok_and(|found| !found.is_file()) {
-        // A device would be read for ever.
-        let what = format!("\"{name}\" is no file");
-        reader.report.error("stl-unreadable", &reader.place_of("file"), what, "name an ASCII or binary STL file");
-        return None;
-    }
     match context.meshes.of(&path) {
         Ok(mesh) => Some((mesh, path)),
-        Err(error) => {
+        Err(Unusable::NoFile) => {
+            let what = format!("\"{name}\" is no file");
+            reader.report.error("stl-unreadable", &reader.place_of("file"), what, "name an ASCII or binary STL file");
+            None
+        }
+        Err(Unusable::Stl(error)) => {
             reader.report.error(
                 "stl-unreadable",
                 &reader.place_of("file"),

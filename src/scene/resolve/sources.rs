@@ -28,7 +28,7 @@ pub(super) fn feeds(
 ) -> Vec<Located<Feed>> {
     let mut feeds = Vec::new();
     for (number, table) in reader.tables("feed", "feed").into_iter().enumerate() {
-        let path = table.path.clone();
+        let path = table.path();
         let place = table.place_of("name");
         let name = table.name();
         if let Some(name) = &name {

@@ -55,7 +55,7 @@ pub(super) fn stages(reader: &Reader<'_>, context: &Context<'_>, known: &Known<'
     let mut whole = gates_whole;
     let mut stages = Vec::new();
     for table in tables {
-        let path = table.path.clone();
+        let path = table.path();
         let place = table.place_of("name");
         let name = table.name();
         if let Some(name) = &name {
@@ -154,7 +154,7 @@ fn references(
     };
     let declared = known.declared(kind);
     let mut found = Vec::new();
-    for item in items {
+    for item in items.iter() {
         // A name that was declared and did not resolve has its finding there.
         let index = reader.reference_of(key, item, kind, &declared).and_then(|index| resolved(&declared[index]));
         match index {

@@ -50,7 +50,7 @@ fn reason(subject: &Subject<'_>, rest: &AtRest, end: f64) -> Option<String> {
         return Some(reason);
     }
     let has_other = subject.draft.start_checkpoint.is_some() || subject.has_stored_stream();
-    if subject.draft.feeds.is_empty() && !has_other && !subject.report.was_given("feed") {
+    if subject.draft.feeds.is_empty() && !has_other && !subject.written.has_path("feed") {
         return Some("there are no particles".to_owned());
     }
     subject.draft.feeds.iter().find_map(|feed| {

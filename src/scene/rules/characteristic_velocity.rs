@@ -7,7 +7,7 @@ use crate::material::PairContact;
 
 pub(super) fn check(subject: &Subject<'_>) {
     let linear = subject.draft.law.is_some_and(|law| law.normal == NormalLaw::Linear);
-    if !linear || subject.report.was_given("contact.characteristic_velocity") {
+    if !linear || subject.written.has_path("contact.characteristic_velocity") {
         return;
     }
     let derived =

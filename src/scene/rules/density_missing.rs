@@ -8,7 +8,7 @@ pub(super) fn check(subject: &Subject<'_>) {
         let name = subject.material(material).to_owned();
         let path = format!("material.{name}");
         let missing = subject.draft.materials[usize::from(material)].density.is_none();
-        if missing && !subject.report.was_given(&format!("{path}.density")) {
+        if missing && !subject.written.has_path(&format!("{path}.density")) {
             subject.error(
                 "density-missing",
                 &path,

@@ -10,7 +10,7 @@ pub(super) fn check(subject: &Subject<'_>) {
             pair.item.properties.is_some_and(|pair| matches!(pair.contact, PairContact::Restitution { .. }));
         for material in [pair.item.a, pair.item.b] {
             let name = subject.material(material);
-            let given = subject.report.was_given(&format!("material.{name}.youngs_modulus"));
+            let given = subject.written.has_path(&format!("material.{name}.youngs_modulus"));
             let missing = subject.draft.materials[usize::from(material)].elasticity.is_none() && !given;
             if by_restitution && missing && !reported.contains(&material) {
                 reported.push(material);

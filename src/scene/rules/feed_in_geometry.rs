@@ -10,6 +10,7 @@ use crate::geometry::motion::Pose;
 use crate::geometry::part::{Part, Surface, TriangleMesh};
 use crate::geometry::solid::Solid;
 use crate::math::Vec3;
+use std::borrow::Cow;
 
 /// Share of the smallest diameter that a region may reach into a wall.
 const FORGIVEN: f64 = 1e-3;
@@ -25,13 +26,18 @@ pub(super) fn check(subject: &Subject<'_>) {
             FeedKind::Stream { start, .. } => ("face", *start),
             FeedKind::File { .. } => ("file", 0.0),
         };
+        let convex = match &feed.item.kind {
+            FeedKind::Fill { region, .. } => Convex::region(region, shrink),
+            FeedKind::Stream { face, .. } => Convex::face(face, largest / 2.0, shrink),
+            FeedKind::File { .. } => None,
+        };
         for part in subject.parts_at(start) {
             let part = &part.item.part;
             let surface = moved(part, start);
             let trouble = match &feed.item.kind {
-                FeedKind::Fill { region, .. } => region_trouble(region, &surface, shrink),
-                FeedKind::Stream { face, .. } => {
-                    Convex::face(face, largest / 2.0, shrink).and_then(|face| convex_trouble(&face, &surface))
+                FeedKind::Fill { region: Region::Inside(mesh), .. } => mesh_trouble(mesh, &surface, shrink),
+                FeedKind::Fill { .. } | FeedKind::Stream { .. } => {
+                    convex.as_ref().and_then(|convex| convex_trouble(convex, &surface))
                 }
                 FeedKind::File { particles } => {
                     particles.iter().find_map(|p| particle_trouble(&p.position, p.radius, &surface))
@@ -50,10 +56,13 @@ pub(super) fn check(subject: &Subject<'_>) {
 }
 
 /// The surface of a part at a plant time [s].
-fn moved(part: &Part, time: f64) -> Surface {
+fn moved(part: &Part, time: f64) -> Cow<'_, Surface> {
+    if part.motion.terms.is_empty() {
+        return Cow::Borrowed(&part.surface);
+    }
     let pose: Pose = part.motion.pose(time);
     let at = |point: &Vec3| pose.apply(point);
-    match &part.surface {
+    Cow::Owned(match &part.surface {
         Surface::Plane { point, normal } => Surface::Plane { point: at(point), normal: pose.rotation * normal },
         Surface::Frustum { start, end, start_radius, end_radius } => {
             Surface::Frustum { start: at(start), end: at(end), start_radius: *start_radius, end_radius: *end_radius }
@@ -62,14 +71,7 @@ fn moved(part: &Part, time: f64) -> Surface {
             vertices: mesh.vertices.iter().map(at).collect(),
             triangles: mesh.triangles.clone(),
         }),
-    }
-}
-
-fn region_trouble(region: &Region, surface: &Surface, shrink: f64) -> Option<String> {
-    match region {
-        Region::Inside(mesh) => mesh_trouble(mesh, surface, shrink),
-        _ => convex_trouble(&Convex::region(region, shrink)?, surface),
-    }
+    })
 }
 
 fn convex_trouble(region: &Convex, surface: &Surface) -> Option<String> {

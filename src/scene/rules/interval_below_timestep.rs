@@ -5,7 +5,7 @@ use super::{Subject, join};
 pub(super) fn check(subject: &Subject<'_>) {
     let Some(timestep) = subject.draft.solver.timestep else { return };
     let output = &subject.draft.output;
-    let series = subject.report.was_given("output.series").then_some(output.series_interval);
+    let series = subject.written.has_path("output.series").then_some(output.series_interval);
     for (key, interval) in
         [("frames", output.frame_interval), ("series", series), ("checkpoints", output.checkpoint_interval)]
     {

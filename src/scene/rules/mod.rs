@@ -58,12 +58,15 @@ use super::diagnostics::Report;
 use super::extent;
 use super::gate::StreamSource;
 use super::layout::Layout;
+use super::meshes::Meshes;
 use super::reader::join;
 use super::resolve::{Draft, Located, PartDraft};
+use super::tree::Table;
 use crate::dem::feed::{Feed, FeedKind};
 use crate::geometry::inspection::MeshReport;
 use crate::geometry::part::{Surface, Trigger};
 use crate::particle::ParticleClass;
+use std::sync::Arc;
 
 /// What a rule looks at.
 pub(super) struct Subject<'a> {
@@ -76,9 +79,11 @@ pub(super) struct Subject<'a> {
     /// Stages and gates, with what lies around them.
     pub layout: Layout<'a>,
     /// For each part, what an inspection of its STL mesh says.
-    pub inspections: Vec<Option<MeshReport>>,
+    pub inspections: Vec<Option<Arc<MeshReport>>>,
+    /// The scene as written.
+    pub written: &'a Table,
     /// Where findings go.
-    pub report: &'a Report,
+    pub report: &'a Report<'a>,
 }
 
 type Rule = fn(&Subject<'_>);
@@ -138,18 +143,15 @@ const RULES: &[Rule] = &[
     feed_crowded::check,
 ];
 
-/// Checks every rule.
-pub(super) fn check(draft: &Draft, domain: Domain, report: &Report) {
-    let inspections = draft
-        .parts
-        .iter()
-        .map(|part| match (&part.item.file, &part.item.part.surface) {
-            (Some(_), Surface::Mesh(mesh)) => Some(mesh.inspect()),
-            _ => None,
-        })
-        .collect();
+/// Checks every rule on a scene that was `written` so.
+pub(super) fn check(written: &Table, draft: &Draft, domain: Domain, meshes: &Meshes, report: &Report<'_>) {
+    let inspection = |(number, part): (usize, &Located<PartDraft>)| match (&part.item.file, &part.item.part.surface) {
+        (Some(_), Surface::Mesh(mesh)) => Some(meshes.inspection(number, mesh)),
+        _ => None,
+    };
+    let inspections = draft.parts.iter().enumerate().map(inspection).collect();
     let largest = extent::largest_diameter(&draft.classes, &draft.feeds);
-    let subject = Subject { draft, domain, largest, layout: layout(draft, largest), inspections, report };
+    let subject = Subject { draft, domain, largest, layout: layout(draft, largest), inspections, written, report };
     for rule in RULES {
         rule(&subject);
     }
@@ -201,11 +203,11 @@ impl Subject<'_> {
     }
 
     fn error(&self, rule: &'static str, path: &str, what: String, next: impl Into<String>) {
-        self.report.error(rule, &self.report.place(path), what, next);
+        self.report.error(rule, &self.written.place_of_path(path), what, next);
     }
 
     fn warning(&self, rule: &'static str, path: &str, what: String, next: impl Into<String>) {
-        self.report.warning(rule, &self.report.place(path), what, next);
+        self.report.warning(rule, &self.written.place_of_path(path), what, next);
     }
 
     /// Materials of all particles, each once, ascending.

@@ -4,7 +4,7 @@ use super::Subject;
 
 pub(super) fn check(subject: &Subject<'_>) {
     let has_other = subject.draft.start_checkpoint.is_some() || subject.has_stored_stream();
-    if !subject.report.was_given("feed") && !has_other {
+    if !subject.written.has_path("feed") && !has_other {
         subject.warning(
             "no-feed",
             "",

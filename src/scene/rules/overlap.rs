@@ -3,6 +3,7 @@
 use crate::dem::feed::{Face, Region};
 use crate::geometry::part::{Surface, TriangleMesh};
 use crate::math::Vec3;
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// A convex region: the intersection of half spaces and, perhaps, of an endless cylinder.
@@ -88,11 +89,13 @@ impl Convex {
 
     /// True where some of the triangle lies in the region.
     pub fn meets(&self, triangle: &[Vec3; 3]) -> bool {
-        let mut polygon = triangle.to_vec();
+        let mut polygon = Cow::Borrowed(&triangle[..]);
         for (normal, offset) in &self.half_spaces {
-            polygon = clip(&polygon, normal, *offset);
-            if polygon.is_empty() {
-                return false;
+            let stays = |point: &&Vec3| point.dot(normal) - offset <= 0.0;
+            match polygon.iter().filter(stays).count() {
+                0 => return false,
+                all if all == polygon.len() => continue,
+                _ => polygon = Cow::Owned(clip(&polygon, normal, *offset)),
             }
         }
         match &self.cylinder {

@@ -8,17 +8,17 @@ pub(super) fn check(subject: &Subject<'_>) {
         return;
     }
     let particles = subject.particle_materials();
-    let mut wanted: Vec<(u16, u16, String)> = Vec::new();
+    let mut wanted: Vec<(u16, u16, Option<&str>)> = Vec::new();
     for (index, a) in particles.iter().enumerate() {
         for b in &particles[index..] {
-            wanted.push((*a, *b, String::new()));
+            wanted.push((*a, *b, None));
         }
         for part in &subject.draft.parts {
-            wanted.push((*a, part.item.part.material, format!("part \"{}\" is made of it", part.item.part.name)));
+            wanted.push((*a, part.item.part.material, Some(&part.item.part.name)));
         }
     }
     let mut reported: Vec<(u16, u16)> = Vec::new();
-    for (a, b, reason) in wanted {
+    for (a, b, part) in wanted {
         let same = |x: u16, y: u16| (x, y) == (a, b) || (y, x) == (a, b);
         let given = subject.draft.pairs.iter().any(|pair| same(pair.item.a, pair.item.b));
         if given || reported.iter().any(|(x, y)| same(*x, *y)) {
@@ -26,7 +26,10 @@ pub(super) fn check(subject: &Subject<'_>) {
         }
         reported.push((a, b));
         let (a, b) = (subject.material(a), subject.material(b));
-        let reason = if reason.is_empty() { "particles are made of both".to_owned() } else { reason };
+        let reason = match part {
+            Some(part) => format!("part \"{part}\" is made of it"),
+            None => "particles are made of both".to_owned(),
+        };
         subject.error(
             "pair-missing",
             &format!("material.{b}"),

@@ -17,7 +17,7 @@ pub(super) fn check(subject: &Subject<'_>) {
             subject.error("periodic-extent", &path, what, "remove it");
         } else if given.minimum.is_none() || given.maximum.is_none() {
             let missing = [("min", given.minimum), ("max", given.maximum)];
-            if missing.iter().any(|(key, corner)| corner.is_none() && !subject.report.was_given(&join("domain", key))) {
+            if missing.iter().any(|(key, corner)| corner.is_none() && !subject.written.has_path(&join("domain", key))) {
                 let what = format!("{name} is periodic, so the domain needs `min` and `max`");
                 subject.error("periodic-extent", &path, what, "add both to [domain]");
             }

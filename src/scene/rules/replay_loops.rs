@@ -20,7 +20,7 @@ pub(super) fn check(subject: &Subject<'_>) {
                     "a stream that is replayed 0 times brings nothing".to_owned(),
                     "write `loops = 1` or more",
                 );
-            } else if replay.loops == 1 && subject.report.was_given(&path("gap")) {
+            } else if replay.loops == 1 && subject.written.has_path(&path("gap")) {
                 let next = "add `loops = 2` or more, or remove it";
                 error("gap", "`gap` stands between two loops, and the stream is replayed once".to_owned(), next);
             } else if replay.loops > 1 && replay.gap == 0.0 {

@@ -20,7 +20,7 @@ pub(super) fn check(subject: &Subject<'_>) {
     }
     let others = others(subject);
     for part in &subject.draft.parts {
-        if part.item.file.is_some() && !subject.report.was_given(&join(&part.path, "scale")) {
+        if part.item.file.is_some() && !subject.written.has_path(&join(&part.path, "scale")) {
             let size = largest_edge(&extent::of_surface(&part.item.part.surface));
             judge(subject, &join(&part.path, "file"), size, others);
         }
@@ -28,7 +28,7 @@ pub(super) fn check(subject: &Subject<'_>) {
     for feed in &subject.draft.feeds {
         let path = join(&feed.path, "region");
         if let FeedKind::Fill { region: Region::Inside(mesh), .. } = &feed.item.kind
-            && !subject.report.was_given(&join(&path, "scale"))
+            && !subject.written.has_path(&join(&path, "scale"))
         {
             let size = largest_edge(&extent::of_surface(&Surface::Mesh(mesh.clone())));
             judge(subject, &join(&path, "file"), size, others);
