@@ -79,6 +79,23 @@ pub trait Lanes:
     /// `self` in the lanes of the mask, else `other`.
     fn select(mask: Self::Mask, this: Self, other: Self) -> Self;
 
+    /// Writes those of `COUNT` whole numbers whose bit is set to the front of a list, in their order, and says how many they are. What
+    /// the first `COUNT` places hold behind them may be anything.
+    ///
+    /// # Panics
+    /// Where either list is shorter than `COUNT`.
+    #[inline(always)]
+    fn pack(numbers: &[u32], bits: u16, list: &mut [u32]) -> usize {
+        let (numbers, list) = (&numbers[..Self::COUNT], &mut list[..Self::COUNT]);
+        let mut count = 0;
+        for (lane, &number) in numbers.iter().enumerate() {
+            // Written whether it counts or not: no processor foresees which do.
+            list[count] = number;
+            count += usize::from(bits >> lane & 1);
+        }
+        count
+    }
+
     /// Columns of rows of four: result `c` holds entry `c` of row `index[k]` in lane k.
     ///
     /// # Safety

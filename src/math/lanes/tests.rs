@@ -120,6 +120,34 @@ fn rows_are_gathered_and_added_to_in_order_at_every_level() {
     }
 }
 
+struct Packed<'a>(&'a [u32], &'a [u16]);
+
+impl LaneWork for Packed<'_> {
+    type Output = Vec<u32>;
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> Vec<u32> {
+        let (mut list, mut count) = (vec![0; self.0.len()], 0);
+        for from in (0..self.0.len()).step_by(L::COUNT) {
+            let bits = self.1[from / MOST_LANES] >> (from % MOST_LANES);
+            count += L::pack(&self.0[from..], bits, &mut list[count..]);
+        }
+        list.truncate(count);
+        list
+    }
+}
+
+#[test]
+fn numbers_whose_bit_is_set_are_packed_at_every_level() {
+    // Every set of sixteen bits once.
+    let bits: Vec<u16> = (0..=u16::MAX).collect();
+    let numbers: Vec<u32> = (0..16 << 16).map(|k: u32| k.wrapping_mul(2_654_435_761)).collect();
+    let is_set = |&k: &usize| bits[k / 16] >> (k % 16) & 1 == 1;
+    let expected: Vec<u32> = (0..numbers.len()).filter(is_set).map(|k| numbers[k]).collect();
+    for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
+        assert!(at_level(level, Packed(&numbers, &bits)) == expected, "{}", level.name());
+    }
+}
+
 #[test]
 fn the_best_level_is_available() {
     assert!(SimdLevel::best().is_available());

@@ -91,6 +91,17 @@ impl Lanes for Eight {
         unsafe { Self(_mm512_mask_blend_pd(mask.0, other.0, this.0)) }
     }
     #[inline(always)]
+    fn pack(numbers: &[u32], bits: u16, list: &mut [u32]) -> usize {
+        let (numbers, list) = (&numbers[..8], &mut list[..8]);
+        // SAFETY: both lists are long enough, and this is only used in code for this instruction set.
+        unsafe {
+            // Not by a store that packs: some processors take long over that.
+            let packed = _mm256_maskz_compress_epi32(bits as u8, _mm256_loadu_si256(numbers.as_ptr().cast()));
+            _mm256_storeu_si256(list.as_mut_ptr().cast(), packed);
+        }
+        (bits as u8).count_ones() as usize
+    }
+    #[inline(always)]
     unsafe fn add_to_rows<const N: usize>(rows: *mut [f64; 8], index: [&[u32]; N], columns: [[Self; 8]; N]) {
         let mut turned = [[Self::zero().0; 8]; N];
         for (turned, columns) in turned.iter_mut().zip(columns) {
