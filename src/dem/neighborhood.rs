@@ -4,7 +4,8 @@ use super::energy::Tally;
 use super::neighbor::cells::{CellLevels, Space};
 use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
-use super::neighbor::list::{Bodies, Candidate, Images, InnerList, Memory, Remembered};
+use super::neighbor::list::{Images, InnerList, Memory, Remembered};
+use super::neighbor::prune::Bodies;
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::particles::{Particles, Sphere, Velocity};
 use super::sleep::ChunkRest;
@@ -15,6 +16,7 @@ use super::wall::Walls;
 use super::wall_contacts::PartLoad;
 use super::wall_list::{WallContact, WallList};
 use super::wall_search::Scratch;
+use crate::math::lanes::SimdLevel;
 use crate::math::{Bounds, Vec3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -82,6 +84,8 @@ pub struct Neighborhood {
     pub images: Images,
     cells: CellLevels,
     settings: ListSettings,
+    /// Instruction set that lists are made with.
+    simd: SimdLevel,
     inner_skin: f64,
     /// Centres when the outer list was made.
     pub(super) outer_reference: Vec<[f64; 3]>,
@@ -108,14 +112,15 @@ const INNER_SHARE: f64 = 0.2;
 pub(super) const RENEW_SHARE: f64 = 0.5;
 
 impl Neighborhood {
-    /// Nothing known yet.
+    /// Nothing known yet. Lists will be made with the instruction set `simd`.
     #[must_use]
-    pub fn new(settings: ListSettings) -> Self {
+    pub fn new(settings: ListSettings, simd: SimdLevel) -> Self {
         Self {
             chunks: Vec::new(),
             images: Images::new(&settings.domain.size()),
             cells: CellLevels::default(),
             settings,
+            simd,
             inner_skin: INNER_SHARE * settings.skin,
             outer_reference: Vec::new(),
             inner_reference: Vec::new(),
@@ -181,13 +186,13 @@ impl Neighborhood {
         cells: CellLevels,
         asleep: Vec<bool>,
         threads: &Threads,
-        recall: impl Fn(u32, u32) -> Memory + Sync,
+        recall: impl Fn(u32, u32) -> Option<Memory> + Sync,
     ) {
         self.chunks.clear(); // Their memory is free for the new ones.
         self.cells = cells;
         self.listed_asleep = asleep;
         let ranges = chunk_ranges(spheres.len());
-        let found = find_candidates(spheres, &self.cells, &ranges, self.settings.skin, threads);
+        let found = find_candidates(spheres, &self.cells, &ranges, self.settings.skin, (threads, self.simd));
         let chunk = |(range, candidates)| Chunk { range, candidates, ..Chunk::default() };
         self.chunks = ranges.into_iter().zip(found).map(chunk).collect();
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
@@ -213,15 +218,15 @@ impl Neighborhood {
         spheres: &[Sphere],
         velocities: &[Velocity],
         threads: &Threads,
-        recall: impl Fn(u32, u32) -> Memory + Sync,
+        recall: impl Fn(u32, u32) -> Option<Memory> + Sync,
     ) {
-        let (skin, remembered) = (self.inner_skin, self.settings.remembered());
+        let (simd, skin, remembered) = (self.simd, self.inner_skin, self.settings.remembered());
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
-        let recall = |_, owner, candidate: Candidate| recall(owner, candidate.partner);
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, .. } = chunk;
             for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
-                *inner = outer.pruned(bodies, skin, remembered, recall, std::mem::take(inner));
+                *inner = outer.pruned(simd, bodies, skin, remembered, std::mem::take(inner));
+                inner.recall_each(&recall);
             }
         });
         self.note_inner_reference(spheres, threads);
@@ -229,13 +234,14 @@ impl Neighborhood {
 
     /// Makes the inner lists from the outer ones anew, with these asleep; memories are kept.
     pub(super) fn prune(&mut self, spheres: &[Sphere], velocities: &[Velocity], asleep: Vec<bool>, threads: &Threads) {
-        let (skin, remembered) = (self.inner_skin, self.settings.remembered());
+        let (simd, skin, remembered) = (self.simd, self.inner_skin, self.settings.remembered());
         self.listed_asleep = asleep;
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, worn, .. } = chunk;
             for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
-                let next = outer.pruned(bodies, skin, remembered, inner.recall_in_order(), std::mem::take(worn));
+                let mut next = outer.pruned(simd, bodies, skin, remembered, std::mem::take(worn));
+                next.take_over(inner, outer.len());
                 *worn = std::mem::replace(inner, next);
             }
         });
@@ -378,8 +384,8 @@ impl Neighborhood {
         listed_asleep.iter().for_each(|&index| asleep[index as usize] = true);
         let (outer, velocities) = (placed(&outer_reference), particles.laws_velocities());
         let cells = CellLevels::new(&outer, self.settings.skin, &self.space(threads));
-        self.make_lists((&outer, velocities), cells, asleep, threads, |_, _| Memory::NONE);
-        self.prune_with(&placed(&inner_reference), velocities, threads, |_, _| Memory::NONE);
+        self.make_lists((&outer, velocities), cells, asleep, threads, |_, _| None);
+        self.prune_with(&placed(&inner_reference), velocities, threads, |_, _| None);
         // Nobody has collected the elements of parts for these lists yet.
         self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
     }

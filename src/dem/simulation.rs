@@ -122,18 +122,19 @@ impl Simulation {
         walls.set_time(0.0);
         let densities: Vec<Option<f64>> = setup.materials.materials.iter().map(|m| m.density).collect();
         let feeds = FeedRunner::new(&setup.feeds, &setup.classes, &densities, setup.body, setup.seed);
+        let lists = ListSettings {
+            skin: setup.skin,
+            domain: setup.domain,
+            periodic: setup.periodic,
+            remembers: terms.friction || terms.rolling,
+            remembers_rolling: terms.rolling,
+        };
         Self {
             law,
             terms,
             threads: Threads::new(setup.threads),
             particles: Particles::default(),
-            neighborhood: Neighborhood::new(ListSettings {
-                skin: setup.skin,
-                domain: setup.domain,
-                periodic: setup.periodic,
-                remembers: terms.friction || terms.rolling,
-                remembers_rolling: terms.rolling,
-            }),
+            neighborhood: Neighborhood::new(lists, setup.simd),
             walls,
             presence,
             feeds,

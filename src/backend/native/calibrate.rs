@@ -2,7 +2,7 @@
 
 use super::processor::Processor;
 use crate::dem::feed::size::SizeSampler;
-use crate::dem::neighbor::list::{Candidate, Memory};
+use crate::dem::neighbor::list::Memory;
 use crate::dem::particles::{Acceleration, Load, Sphere, Velocity};
 use crate::dem::simulation::{Setup, Simulation};
 use crate::math::{Bounds, Vec3, vec3};
@@ -97,12 +97,12 @@ fn measure(simulation: &mut Simulation, time: Duration) -> f64 {
 fn bytes_per_particle() -> f64 {
     let records = size_of::<Sphere>() + size_of::<Velocity>() + size_of::<Load>() + size_of::<Acceleration>();
     let references = 2 * size_of::<[f64; 3]>() + size_of::<ParticleId>() + size_of::<f64>() + 2 * size_of::<u32>();
-    // Of a pair: owner and candidate; then owner, partner, place in the outer list, R*, m* and memory, once more as storage for the
+    // Of a pair: owner and partner; then owner, partner, place in the outer list, R*, m* and memory, once more as storage for the
     // next list.
-    let outer = size_of::<u32>() + size_of::<Candidate>();
+    let outer = 2 * size_of::<u32>();
     let inner = 2 * (3 * size_of::<u32>() + 2 * size_of::<f64>() + size_of::<Memory>());
     // While lists are made anew: memories from both sides of a contact. A frame may be on its way to the disk, being sorted.
-    let memories = 2 * size_of::<(u32, Memory)>();
+    let memories = 2 * (size_of::<u32>() + size_of::<Memory>());
     let frame = 2 * size_of::<ParticleState>() + size_of::<Vec3>();
     let pairs = OUTER_PAIRS * outer as f64 + INNER_PAIRS * inner as f64 + CONTACTS * memories as f64;
     (records + references + frame) as f64 + pairs

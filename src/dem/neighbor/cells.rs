@@ -80,7 +80,7 @@ impl CellGrid {
     /// Calls `visit(members, image)` for particles of the level, run by run, at least for all whose cells lie within `reach` [m] of
     /// `position`; `image` is the number of domain lengths to add to the members' positions, per axis. Some of those stored before
     /// number `first` are left out.
-    #[inline]
+    #[inline(always)]
     pub fn for_each_run(&self, position: &Vec3, reach: f64, first: u32, mut visit: impl FnMut(&[u32], [i8; 3])) {
         let Sorted { start, members } = &self.sorted;
         let [x_range, y_range, z_range] = [0, 1, 2].map(|axis| self.cell_range(position[axis], reach, axis));
@@ -110,6 +110,20 @@ impl CellGrid {
                 }
             }
         }
+    }
+
+    /// Whether storage follows the cells: no particle before the first one asked for is visited then.
+    #[inline(always)]
+    #[must_use]
+    pub const fn is_in_storage_order(&self) -> bool {
+        self.in_storage_order
+    }
+
+    /// Whether some axis is periodic.
+    #[inline(always)]
+    #[must_use]
+    pub const fn is_periodic(&self) -> bool {
+        self.periodic[0] || self.periodic[1] || self.periodic[2]
     }
 
     /// Offset [m] of the image shifted by so many domain lengths.

@@ -18,8 +18,10 @@ struct ChunkMemory {
     range: Range<usize>,
     /// Where the contacts of each particle begin, and where the last one's end.
     start: Vec<u32>,
-    /// Partners, and memories of the contacts with them.
-    entries: Vec<(u32, Memory)>,
+    /// Partners.
+    partners: Vec<u32>,
+    /// Memories of the contacts with them: apart, so that who looks for a partner passes none by.
+    memories: Vec<Memory>,
 }
 
 impl HeldMemory {
@@ -31,9 +33,9 @@ impl HeldMemory {
 
     /// Memory of the contact of `particle` with `partner`, seen from the former; none where they did not touch.
     #[must_use]
-    pub fn of(&self, particle: u32, partner: u32) -> Memory {
+    pub fn of(&self, particle: u32, partner: u32) -> Option<Memory> {
         let number = self.chunks.partition_point(|chunk| chunk.range.end <= particle as usize);
-        self.chunks.get(number).map_or(Memory::NONE, |chunk| chunk.of(particle as usize, partner))
+        self.chunks.get(number)?.of(particle as usize, partner)
     }
 }
 
@@ -44,21 +46,22 @@ impl ChunkMemory {
         for_each_memory(lists, |particle, _, _| start[particle as usize - range.start + 1] += 1);
         add_up(&mut start);
         let mut next = start.clone();
-        let mut entries = vec![(0, Memory::NONE); start[range.len()] as usize];
+        let count = start[range.len()] as usize;
+        let (mut partners, mut memories) = (vec![0; count], vec![Memory::NONE; count]);
         for_each_memory(lists, |particle, partner, memory| {
             let slot = &mut next[particle as usize - range.start];
-            entries[*slot as usize] = (partner, memory);
+            partners[*slot as usize] = partner;
+            memories[*slot as usize] = memory;
             *slot += 1;
         });
-        Self { range: range.clone(), start, entries }
+        Self { range: range.clone(), start, partners, memories }
     }
 
-    fn of(&self, particle: usize, partner: u32) -> Memory {
+    fn of(&self, particle: usize, partner: u32) -> Option<Memory> {
         let row = particle - self.range.start;
-        self.entries[self.start[row] as usize..self.start[row + 1] as usize]
-            .iter()
-            .find(|(held, _)| *held == partner)
-            .map_or(Memory::NONE, |(_, memory)| *memory)
+        let entries = self.start[row] as usize..self.start[row + 1] as usize;
+        let place = self.partners[entries.clone()].iter().position(|&held| held == partner)?;
+        Some(self.memories[entries.start + place])
     }
 }
 

@@ -1,10 +1,9 @@
-//! Pair lists of one chunk: candidates (outer) and the pruned list that the contact kernel walks (inner).
+//! The pruned pair list of one chunk that the contact kernel walks, with its memory.
 
-use crate::dem::particles::{Sphere, Velocity};
-use crate::dem::pieces::add_up;
+use crate::dem::particles::Velocity;
 use crate::dem::resting::{RestingPairs, Run};
 use crate::math::Vec3;
-use crate::math::lanes::MOST_LANES;
+use crate::math::lanes::{Lanes, MOST_LANES};
 use std::ops::Range;
 
 /// A candidate partner of a particle.
@@ -57,15 +56,6 @@ impl Images {
     }
 }
 
-/// Candidate pairs of a chunk.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct OuterList {
-    /// The particle of each pair that the chunk owns.
-    pub owners: Vec<u32>,
-    /// The other one.
-    pub candidates: Vec<Candidate>,
-}
-
 /// Memory of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Memory {
@@ -101,16 +91,14 @@ pub struct PairMemory {
 pub struct InnerList {
     /// How many pairs.
     count: usize,
-    /// How many of them are in each [`Section`], which stand one after the other.
-    sections: [usize; Section::COUNT],
     /// The particle of each pair that the chunk owns; padded to whole blocks of lanes with the last one.
     pub owners: Vec<u32>,
     /// The other particle of each pair; padded likewise.
     pub partners: Vec<u32>,
     /// Which periodic image of it; empty where all are the particles themselves.
-    images: Vec<u32>,
+    pub(super) images: Vec<u32>,
     /// Where each pair stands in the outer list.
-    places: Vec<u32>,
+    pub(super) places: Vec<u32>,
     /// R* of each pair [m]; padded to whole blocks of lanes.
     pub effective_radii: Vec<f64>,
     /// m* of each pair [kg]; padded to whole blocks of lanes.
@@ -169,179 +157,29 @@ impl PairMemory {
             }
         }
     }
-
-    fn push(&mut self, remembered: Remembered, memory: &Memory) {
-        if remembered.tangential {
-            self.tangential.iter_mut().zip(memory.tangential.iter()).for_each(|(list, x)| list.push(*x));
-        }
-        if remembered.rolling {
-            self.rolling.iter_mut().zip(memory.rolling.iter()).for_each(|(list, x)| list.push(*x));
-        }
-    }
-}
-
-/// What pruning reads of all particles.
-#[derive(Debug, Clone, Copy)]
-pub struct Bodies<'a> {
-    /// Centres and radii.
-    pub spheres: &'a [Sphere],
-    /// Masses.
-    pub velocities: &'a [Velocity],
-    /// Periodic images.
-    pub images: &'a Images,
-    /// Who sleeps, as the list is to know it; empty where nobody does.
-    pub asleep: &'a [bool],
-}
-
-impl Bodies<'_> {
-    /// Whether both particles of a pair sleep.
-    fn rest(&self, indices: [usize; 2]) -> bool {
-        indices.into_iter().all(|index| self.asleep.get(index).copied().unwrap_or(false))
-    }
-
-    /// Where a pair belongs in an inner list; nowhere beyond `skin` [m].
-    #[inline(always)]
-    fn section(&self, owner: u32, candidate: Candidate, skin: f64) -> Option<Section> {
-        let indices = [owner as usize, candidate.partner as usize];
-        let [own, other] = indices.map(|index| &self.spheres[index]);
-        let mut distance = other.position() - own.position();
-        if candidate.image != NO_IMAGE {
-            distance += self.images.offset(candidate.image);
-        }
-        let (square, touch) = (distance.norm_squared(), own.radius + other.radius);
-        let reach = touch + skin;
-        if square >= reach * reach {
-            None
-        } else if !self.asleep.is_empty() && self.rest(indices) {
-            Some(Section::Asleep)
-        } else if square < touch * touch {
-            Some(Section::Touching)
-        } else {
-            Some(Section::Near)
-        }
-    }
-}
-
-/// Where a pair stands in an inner list. Pairs alike stand together, so that lanes which the laws need not compute fill whole blocks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Section {
-    /// In contact when the list was made.
-    Touching = 0,
-    /// Apart when the list was made.
-    Near = 1,
-    /// Both asleep when the list was made.
-    Asleep = 2,
-}
-
-impl Section {
-    const COUNT: usize = 3;
-}
-
-/// Particles whose pairs are mixed: enough for every lane of a block to belong to another one, few enough to stay in the nearest cache.
-const MIXED: usize = 32;
-
-impl OuterList {
-    /// The pairs (owner, partner, image) of the particles in `range`, each particle's in the order given, mixed so that neighbours
-    /// in the list belong to different particles: what is added to one of them need not wait for what was added just before.
-    #[must_use]
-    pub fn mixed(range: &Range<usize>, pairs: impl Iterator<Item = (u32, u32, u32)> + Clone) -> Self {
-        let first = range.start as u32;
-        let mut start = vec![0_u32; range.len() + 1];
-        pairs.clone().for_each(|(owner, ..)| start[(owner - first) as usize + 1] += 1);
-        add_up(&mut start);
-        let mut next = start.clone();
-        let blank = Candidate { partner: 0, image: NO_IMAGE };
-        let mut rows = vec![blank; start[range.len()] as usize];
-        for (owner, partner, image) in pairs {
-            let slot = &mut next[(owner - first) as usize];
-            rows[*slot as usize] = Candidate { partner, image };
-            *slot += 1;
-        }
-        let mut list = Self { owners: Vec::with_capacity(rows.len()), candidates: Vec::with_capacity(rows.len()) };
-        let mut open: Vec<usize> = Vec::with_capacity(MIXED);
-        for group in (0..range.len()).step_by(MIXED) {
-            open.clear();
-            open.extend((group..range.len().min(group + MIXED)).filter(|&row| start[row] < start[row + 1]));
-            for turn in 0.. {
-                open.retain(|&row| {
-                    list.owners.push(first + row as u32);
-                    list.candidates.push(rows[(start[row] + turn) as usize]);
-                    start[row] + turn + 1 < start[row + 1]
-                });
-                if open.is_empty() {
-                    break;
-                }
-            }
-        }
-        list
-    }
-
-    /// The pairs within `skin` [m] of contact, section by section (touching, near, asleep), in each in the same order as here, each with the
-    /// memory that `recall(place in this list, owner, candidate)` gives. `worn` lends its storage.
-    #[must_use]
-    pub fn pruned(
-        &self,
-        bodies: Bodies,
-        skin: f64,
-        remembered: Remembered,
-        mut recall: impl FnMut(u32, u32, Candidate) -> Memory,
-        worn: InnerList,
-    ) -> InnerList {
-        let Bodies { spheres, velocities, .. } = bodies;
-        let mut inner = worn.emptied();
-        let has_images = self.candidates.iter().any(|candidate| candidate.image != NO_IMAGE);
-        let mut kept: [Vec<u32>; Section::COUNT] = Default::default();
-        for ((place, &owner), &candidate) in (0_u32..).zip(&self.owners).zip(&self.candidates) {
-            if let Some(section) = bodies.section(owner, candidate, skin) {
-                kept[section as usize].push(place);
-            }
-        }
-        for (section, places) in inner.sections.iter_mut().zip(&kept) {
-            *section = places.len();
-        }
-        for place in kept.into_iter().flatten() {
-            let (owner, candidate) = (self.owners[place as usize], self.candidates[place as usize]);
-            let indices = [owner as usize, candidate.partner as usize];
-            let [own, other] = indices.map(|index| spheres[index].radius);
-            inner.places.push(place);
-            inner.owners.push(owner);
-            inner.partners.push(candidate.partner);
-            if has_images {
-                inner.images.push(candidate.image);
-            }
-            inner.effective_radii.push(effective_radius(own, other));
-            inner.effective_masses.push(effective_mass(indices.map(|index| velocities[index].inverse_mass)));
-            if remembered.tangential || remembered.rolling {
-                inner.memory.push(remembered, &recall(place, owner, candidate));
-            }
-        }
-        inner.pad(remembered);
-        inner
-    }
 }
 
 /// R* = r_i r_j / (r_i + r_j) [m] of two radii [m].
 #[inline(always)]
 #[must_use]
-pub fn effective_radius(own: f64, other: f64) -> f64 {
+pub fn effective_radius<L: Lanes>(own: L, other: L) -> L {
     own * other / (own + other)
 }
 
 /// m* = 1 / (1/m_i + 1/m_j) [kg] of two inverse masses [1/kg].
 #[inline(always)]
 #[must_use]
-pub fn effective_mass(inverse: [f64; 2]) -> f64 {
-    1.0 / (inverse[0] + inverse[1])
+pub fn effective_mass<L: Lanes>(inverse: [L; 2]) -> L {
+    L::splat(1.0) / (inverse[0] + inverse[1])
 }
 
 impl InnerList {
     /// An empty list in the same storage.
-    fn emptied(mut self) -> Self {
+    pub(super) fn emptied(mut self) -> Self {
         self.owners.clear();
         self.partners.clear();
         self.places.clear();
         self.images.clear();
-        self.sections = [0; Section::COUNT];
         self.resting.forget();
         self.components().for_each(Vec::clear);
         self
@@ -354,7 +192,7 @@ impl InnerList {
     }
 
     /// Fills what kernels read to whole blocks of lanes.
-    fn pad(&mut self, remembered: Remembered) {
+    pub(super) fn pad(&mut self, remembered: Remembered) {
         self.count = self.partners.len();
         let length = self.count.next_multiple_of(MOST_LANES);
         for list in [&mut self.owners, &mut self.partners, &mut self.images] {
@@ -411,29 +249,32 @@ impl InnerList {
         (0..self.count).map(|entry| (entry, self.owners[entry], self.candidate(entry)))
     }
 
-    /// A reader that finds the memory of pairs of the same outer list, asked for in its order.
-    pub fn recall_in_order(&self) -> impl FnMut(u32, u32, Candidate) -> Memory {
-        // Each section stands in order, and so does what is asked for of each.
-        let mut start = 0;
-        let parts = self.sections.map(|count| {
-            start += count;
-            (start - count, &self.places[start - count..start])
-        });
-        let (mut next, mut last) = ([0; Section::COUNT], 0);
-        move |place, _, _| {
-            if place < last {
-                next = [0; Section::COUNT];
+    /// Sets the memories that `recall(owner, partner)` knows; the list's own ones are blank.
+    pub fn recall_each(&mut self, recall: impl Fn(u32, u32) -> Option<Memory>) {
+        if self.memory.tangential[0].is_empty() {
+            return;
+        }
+        for entry in 0..self.count {
+            if let Some(memory) = recall(self.owners[entry], self.partners[entry]) {
+                self.memory.set(entry, &memory);
             }
-            last = place;
-            for ((start, places), next) in parts.iter().zip(&mut next) {
-                while places.get(*next).is_some_and(|held| *held < place) {
-                    *next += 1;
-                }
-                if places.get(*next).is_some_and(|held| *held == place) {
-                    return self.memory.get(start + *next).unwrap_or(Memory::NONE);
-                }
+        }
+    }
+
+    /// Takes over the memories of a list pruned from the same outer one, which has `places` pairs.
+    pub fn take_over(&mut self, held: &Self, places: usize) {
+        if self.memory.tangential[0].is_empty() {
+            return;
+        }
+        let mut entry_at = vec![u32::MAX; places];
+        (0..).zip(&held.places).for_each(|(entry, &place)| entry_at[place as usize] = entry);
+        let entries: Vec<u32> = self.places.iter().map(|&place| entry_at[place as usize]).collect();
+        let PairMemory { tangential, rolling } = &held.memory;
+        let components = self.memory.tangential.iter_mut().chain(&mut self.memory.rolling);
+        for (component, held) in components.zip(tangential.iter().chain(rolling)) {
+            for (slot, &entry) in component.iter_mut().zip(&entries) {
+                *slot = held.get(entry as usize).copied().unwrap_or(0.0);
             }
-            Memory::NONE
         }
     }
 }

@@ -7,5 +7,7 @@ pub mod cells;
 pub mod chunks;
 pub mod history;
 pub mod list;
+pub mod outer;
+pub mod prune;
 pub mod search;
 pub mod sort;
