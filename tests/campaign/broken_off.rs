@@ -42,15 +42,16 @@ fn wait_for_workers(bench: &Bench) {
     }
 }
 
-/// Kills the campaign, or one of the processes that compute for it, at so many moments, and resumes it each time.
-fn broken_off(points: usize) {
+/// Kills the campaign, or one of the processes that compute for it, and resumes it each time.
+#[test]
+fn killed_at_twenty_moments_and_resumed_the_table_is_the_same() {
     let undisturbed = bench(&[SMALL, THREE]);
     let begun = Instant::now();
     assert_eq!(run(&undisturbed, &[]).code, 0);
     let duration = begun.elapsed();
     let expected = results(&undisturbed);
     let disturbed = bench(&[SMALL, THREE]);
-    let moments = seeded(7, 2 * points, 1000);
+    let moments = seeded(7, 2 * 20, 1000);
     for (count, moment) in moments.chunks(2).enumerate() {
         // The last moments find it further on: what was finished stays.
         let further: &[&str] = if disturbed.path("out").exists() { &["--resume"] } else { &[] };
@@ -78,17 +79,6 @@ fn broken_off(points: usize) {
     assert_eq!(last.code, 0, "{last:?}");
     assert_eq!(results(&disturbed), expected);
     assert!(fs::read_dir(disturbed.path("out/claims")).unwrap().next().is_none(), "claims are given back");
-}
-
-#[test]
-fn killed_at_some_moments_and_resumed_the_table_is_the_same() {
-    broken_off(5);
-}
-
-#[test]
-#[ignore = "twenty kills and resumes take a minute and a half: ./validate runs it"]
-fn killed_at_twenty_moments_and_resumed_the_table_is_the_same() {
-    broken_off(20);
 }
 
 #[test]
