@@ -178,7 +178,8 @@ struct Motion<R: Lanes> {
     dt: R,
     half_square: R,
     lead: R,
-    /// What free fall adds to the velocity that the laws saw, to reach the full step; to the place, besides v dt; to the velocity, for the laws.
+    /// What free fall adds: to the velocity that the laws saw, to reach that of the full step [m/s]; to the place, besides v dt [m]; to
+    /// the velocity of the full step, for the laws [m/s].
     falling: [R; 3],
     /// Square of the longest way [m2].
     farthest_squared: f64,
@@ -238,8 +239,9 @@ impl<R: Lanes> Motion<R> {
         self.squares = self.squares + (centre * centre + (seen * seen + turned * turned));
     }
 
-    /// Moves particles that have fallen freely since they were last moved by their records, and do so now: the same bits as by these. Their spins
-    /// stay, and what was moderate then is so after any number of time steps.
+    /// Moves particles that have fallen freely since they were last moved by their records, and do so now: v += g (1 - lead) dt,
+    /// x += v dt + g dt^2 / 2, v += g lead dt, with the gravity g [m/s2]; the same bits as by [`Motion::advance`]. Their spins stay.
+    /// Numbers that were moderate then grow by v dt and g dt at most in a time step: far from overflow in any run.
     #[inline(always)]
     fn fall(&mut self, spheres: &mut [Sphere], velocities: &mut [Velocity]) {
         let [completed, way, ahead] = self.falling;

@@ -46,8 +46,8 @@ enum Records {
 }
 
 impl Touched {
-    /// Takes the loads of the last time step from the chunk's particles. Who is touched now will be noted if there are at most
-    /// `contacts`, and if contacts are all that acts on the particles.
+    /// Takes the loads of the last time step from the chunk's particles. From now on it is noted who is touched: where there may be few
+    /// `contacts`, and besides them and gravity `nothing_else` acts on the particles.
     pub(super) fn begin(&mut self, loads: &mut [Load], contacts: usize, nothing_else: bool) {
         match self.records {
             Records::Unknown => loads.fill(Load::ZERO),

@@ -14,7 +14,8 @@ const FULL_OF_SPHERES: f64 = 0.38;
 const FULL_OF_DISCS: f64 = 0.547;
 /// Below this solid fraction, particles that nothing brings to rest on each other count as dilute.
 const DILUTE: f64 = 0.1;
-/// Share of its height through which a cloud must fall within the run to count as brought to rest.
+/// Share of its height through which a cloud must fall within the run to count as brought to rest: three quarters of it are still in the
+/// air then, and long lists serve these.
 const FALLEN: f64 = 0.25;
 
 /// What a run costs.
