@@ -16,6 +16,7 @@ use super::simulation::{Setup, Simulation};
 use super::tether::{Tether, TetherLaw};
 use super::wall_list::WallContact;
 use super::watchdog::EnergyWatch;
+use super::wear::Wear;
 use crate::math::Vec3;
 use crate::particle::ParticleId;
 use serde::{Deserialize, Serialize};
@@ -67,7 +68,7 @@ struct Progress {
     part_names: Vec<String>,
     material_names: Vec<String>,
     lists: ListSettings,
-    motion_bounds: [f64; 3],
+    wear: Wear,
     booked: EnergyBudget,
     momentum: MomentumAccount,
     removed: Vec<Removal>,
@@ -245,7 +246,7 @@ impl Simulation {
             part_names: self.setup.parts.iter().map(|part| part.name.clone()).collect(),
             material_names: self.setup.materials.materials.iter().map(|material| material.name.clone()).collect(),
             lists: self.neighborhood.settings(),
-            motion_bounds: self.neighborhood.motion_bounds(),
+            wear: self.neighborhood.wear,
             booked: self.booked,
             momentum: self.momentum,
             removed: self.removed.clone(),
@@ -295,7 +296,7 @@ impl Simulation {
         }
         simulation.walls.set_time(simulation.time());
         simulation.collect_wall_candidates();
-        simulation.neighborhood.set_motion_bounds(progress.motion_bounds);
+        simulation.neighborhood.wear = progress.wear;
         Ok(simulation)
     }
 
@@ -371,8 +372,8 @@ impl Simulation {
         }
         let outer = record.rows::<3>("outer_reference", Some(count))?;
         let inner = record.rows::<3>("inner_reference", Some(count))?;
-        let (asleep, bounds) = (&progress.listed_asleep, progress.motion_bounds);
-        self.neighborhood.restore(&self.particles, [outer, inner], asleep, bounds, &self.threads);
+        let (asleep, wear) = (&progress.listed_asleep, progress.wear);
+        self.neighborhood.restore(&self.particles, [outer, inner], asleep, wear, &self.threads);
         let memories = record.rows::<6>("pair_memory", None)?;
         self.neighborhood.set_pair_memory(&mut memories.iter().map(memory)).map_err(RecordError)?;
         let same_name =

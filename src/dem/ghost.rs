@@ -173,7 +173,7 @@ impl Simulation {
         if !self.terms.energy && farthest > SHORT_JUMP * self.neighborhood.smallest_radius() {
             self.watchdog.expect_new_energy();
         }
-        self.neighborhood.note_motion(farthest, 0.0);
+        self.neighborhood.wear.note_motion(farthest, 0.0);
     }
 
     /// Velocity, spin and accelerations of a prescribed particle. What its contacts did in the last step was booked at the

@@ -43,3 +43,4 @@ pub mod wall_contacts;
 pub mod wall_list;
 mod wall_search;
 pub mod watchdog;
+mod wear;

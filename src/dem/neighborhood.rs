@@ -16,6 +16,7 @@ use super::wall::Walls;
 use super::wall_contacts::PartLoad;
 use super::wall_list::{WallContact, WallList};
 use super::wall_search::Scratch;
+use super::wear::{RENEW_SHARE, Wear};
 use crate::math::lanes::SimdLevel;
 use crate::math::{Bounds, Vec3};
 use serde::{Deserialize, Serialize};
@@ -86,7 +87,6 @@ pub struct Neighborhood {
     settings: ListSettings,
     /// Instruction set that lists are made with.
     simd: SimdLevel,
-    inner_skin: f64,
     /// Centres when the outer list was made.
     pub(super) outer_reference: Vec<[f64; 3]>,
     /// Centres when the inner list was made.
@@ -97,19 +97,11 @@ pub struct Neighborhood {
     smallest_radius: f64,
     /// The particles' material, where all have the same.
     pub only_material: Option<u32>,
-    /// Upper bounds on how far any particle has moved [m].
-    moved_since_outer: f64,
-    moved_since_inner: f64,
-    /// Upper bound on the approach of particles and parts since their candidates were collected [m].
-    pub(super) approached_walls: f64,
+    /// How far anybody may have moved since.
+    pub(super) wear: Wear,
     /// How often the lists were made: the storage order is the same while it is.
     generation: u64,
 }
-
-/// Share of the outer skin that the inner list keeps: between 0.02 and 0.1 of a diameter no effect on speed was seen.
-const INNER_SHARE: f64 = 0.2;
-/// Share of a skin used up at which a list is renewed rather than measured again.
-pub(super) const RENEW_SHARE: f64 = 0.5;
 
 impl Neighborhood {
     /// Nothing known yet. Lists will be made with the instruction set `simd`.
@@ -121,15 +113,12 @@ impl Neighborhood {
             cells: CellLevels::default(),
             settings,
             simd,
-            inner_skin: INNER_SHARE * settings.skin,
             outer_reference: Vec::new(),
             inner_reference: Vec::new(),
             listed_asleep: Vec::new(),
             smallest_radius: f64::INFINITY,
             only_material: None,
-            moved_since_outer: 0.0,
-            moved_since_inner: 0.0,
-            approached_walls: 0.0,
+            wear: Wear::new(&settings),
             generation: 0,
         }
     }
@@ -139,22 +128,10 @@ impl Neighborhood {
         self.generation
     }
 
-    /// Upper bound on how far any particle is from its outer reference centre [m].
-    pub(super) const fn moved_since_outer(&self) -> f64 {
-        self.moved_since_outer
-    }
-
-    /// Books one time step: no particle moved farther than `particles` [m], no part's surface farther than `parts` [m].
-    pub fn note_motion(&mut self, particles: f64, parts: f64) {
-        self.moved_since_outer += particles;
-        self.moved_since_inner += particles;
-        self.approached_walls += particles + parts;
-    }
-
     /// Calls `visit(member, image offset)` for particles whose present distance to `position` may be below `radius` + theirs.
     pub fn for_each_near(&self, position: &Vec3, radius: f64, mut visit: impl FnMut(u32, Vec3)) {
         for grid in &self.cells.grids {
-            let reach = radius + grid.largest_radius + self.moved_since_outer;
+            let reach = radius + grid.largest_radius + self.wear.since_outer;
             grid.for_each_run(position, reach, 0, |members, shift| {
                 let offset = grid.image_offset(shift);
                 members.iter().for_each(|&member| visit(member, offset));
@@ -202,9 +179,14 @@ impl Neighborhood {
         self.outer_reference = threads.collect(spheres.len(), |index| spheres[index].centre);
         self.smallest_radius = radii(spheres, threads)[0];
         self.only_material = only_material(velocities, threads);
-        self.moved_since_outer = 0.0;
+        self.wear.since_outer = 0.0;
         self.generation += 1;
         self.prune_with(spheres, velocities, threads, recall);
+    }
+
+    /// Gives the inner lists that are made next the skin that fits the motion.
+    pub(super) fn fit_inner_skin(&mut self) {
+        self.wear.inner_skin = self.wear.fitting_inner_skin(self.settings.skin);
     }
 
     /// Whether others sleep than when the inner lists were made.
@@ -220,7 +202,7 @@ impl Neighborhood {
         threads: &Threads,
         recall: impl Fn(u32, u32) -> Option<Memory> + Sync,
     ) {
-        let (simd, skin, remembered) = (self.simd, self.inner_skin, self.settings.remembered());
+        let (simd, skin, remembered) = (self.simd, self.wear.inner_skin, self.settings.remembered());
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, .. } = chunk;
@@ -234,7 +216,7 @@ impl Neighborhood {
 
     /// Makes the inner lists from the outer ones anew, with these asleep; memories are kept.
     pub(super) fn prune(&mut self, spheres: &[Sphere], velocities: &[Velocity], asleep: Vec<bool>, threads: &Threads) {
-        let (simd, skin, remembered) = (self.simd, self.inner_skin, self.settings.remembered());
+        let (simd, skin, remembered) = (self.simd, self.wear.inner_skin, self.settings.remembered());
         self.listed_asleep = asleep;
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
@@ -250,29 +232,35 @@ impl Neighborhood {
 
     fn note_inner_reference(&mut self, spheres: &[Sphere], threads: &Threads) {
         self.inner_reference = threads.collect(spheres.len(), |index| spheres[index].centre);
-        self.moved_since_inner = 0.0;
+        let looked_at = self.chunks.iter().map(|chunk| chunk.candidates.own.len() + chunk.candidates.cross.len()).sum();
+        let apart = self.chunks.iter().map(|chunk| chunk.own.apart + chunk.cross.apart).sum();
+        self.wear.note_inner(looked_at, apart);
     }
 
     /// Whether the inner lists are too old to go on with. Displacements are measured where the bound on them allows no answer.
     pub(super) fn inner_is_worn(&mut self, spheres: &[Sphere], threads: &Threads) -> bool {
-        if 2.0 * self.moved_since_inner <= self.inner_skin {
+        self.wear.note_step();
+        if self.wear.inner_is_wide(self.settings.skin) {
+            return true;
+        }
+        if 2.0 * self.wear.since_inner <= self.wear.inner_skin {
             return false;
         }
-        let limit = RENEW_SHARE * self.inner_skin;
+        let limit = RENEW_SHARE * self.wear.inner_skin;
         let moved = displacement_unless(spheres, &self.inner_reference, threads, |moved| 2.0 * moved > limit);
-        self.moved_since_inner = moved.unwrap_or(self.moved_since_inner);
+        self.wear.since_inner = moved.unwrap_or(self.wear.since_inner);
         moved.is_none()
     }
 
     /// Whether the outer lists are too old to make inner ones from. Displacements are measured likewise.
     pub(super) fn outer_is_worn(&mut self, spheres: &[Sphere], threads: &Threads) -> bool {
-        let (inner_skin, skin) = (self.inner_skin, self.settings.skin);
+        let (inner_skin, skin) = (self.wear.inner_skin, self.settings.skin);
         let is_far = |moved: f64| 2.0 * moved + inner_skin > skin;
-        if !is_far(self.moved_since_outer) {
+        if !is_far(self.wear.since_outer) {
             return false;
         }
         let moved = displacement_unless(spheres, &self.outer_reference, threads, is_far);
-        self.moved_since_outer = moved.unwrap_or(self.moved_since_outer);
+        self.wear.since_outer = moved.unwrap_or(self.wear.since_outer);
         moved.is_none()
     }
 
@@ -333,23 +321,13 @@ impl Neighborhood {
     /// Lists made from now on obey these settings; the present ones stay as they are.
     pub(super) fn change_settings(&mut self, settings: ListSettings) {
         self.settings = settings;
-        self.inner_skin = INNER_SHARE * settings.skin;
+        self.wear.inner_skin = Wear::new(&settings).inner_skin;
         self.images = Images::new(&settings.domain.size());
-    }
-
-    /// What the checkpoint needs besides the reference centres, in order: (moved since outer, since inner, towards walls) [m].
-    #[must_use]
-    pub(super) fn motion_bounds(&self) -> [f64; 3] {
-        [self.moved_since_outer, self.moved_since_inner, self.approached_walls]
     }
 
     /// Storage indices of those who slept when the inner lists were made.
     pub(super) fn listed_asleep(&self) -> Vec<u32> {
         (0_u32..).zip(&self.listed_asleep).filter_map(|(index, asleep)| asleep.then_some(index)).collect()
-    }
-
-    pub(super) fn set_motion_bounds(&mut self, bounds: [f64; 3]) {
-        [self.moved_since_outer, self.moved_since_inner, self.approached_walls] = bounds;
     }
 
     /// Gives every pair of the inner lists its memory, in the lists' order. A scene without friction takes none.
@@ -374,7 +352,7 @@ impl Neighborhood {
         particles: &Particles,
         [outer_reference, inner_reference]: [Vec<[f64; 3]>; 2],
         listed_asleep: &[u32],
-        bounds: [f64; 3],
+        wear: Wear,
         threads: &Threads,
     ) {
         let placed = |centres: &[[f64; 3]]| -> Vec<Sphere> {
@@ -383,10 +361,12 @@ impl Neighborhood {
         let mut asleep = vec![false; if listed_asleep.is_empty() { 0 } else { particles.len() }];
         listed_asleep.iter().for_each(|&index| asleep[index as usize] = true);
         let (outer, velocities) = (placed(&outer_reference), particles.laws_velocities());
+        self.wear = wear;
         let cells = CellLevels::new(&outer, self.settings.skin, &self.space(threads));
         self.make_lists((&outer, velocities), cells, asleep, threads, |_, _| None);
         self.prune_with(&placed(&inner_reference), velocities, threads, |_, _| None);
         // Nobody has collected the elements of parts for these lists yet.
-        self.set_motion_bounds([bounds[0], bounds[1], f64::INFINITY]);
+        self.wear = wear;
+        self.wear.towards_parts = f64::INFINITY;
     }
 }

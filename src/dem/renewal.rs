@@ -1,10 +1,11 @@
 //! When lists are renewed, and what of the old ones goes over to the new.
 
 use super::neighbor::history::HeldMemory;
-use super::neighborhood::{Chunk, ListSettings, RENEW_SHARE};
+use super::neighborhood::{Chunk, ListSettings};
 use super::simulation::Simulation;
 use super::wall_contacts::PartLoad;
 use super::wall_list::{NearParts, WallContact, WallList};
+use super::wear::RENEW_SHARE;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -15,7 +16,7 @@ impl Simulation {
         if self.neighborhood.inner_is_worn(&self.particles.spheres, &self.threads) {
             self.renew_lists();
         }
-        if self.neighborhood.approached_walls > self.neighborhood.settings().skin {
+        if self.neighborhood.wear.towards_parts > self.neighborhood.settings().skin {
             self.collect_wall_candidates();
         }
         self.phases.neighborhood += started.elapsed();
@@ -23,6 +24,7 @@ impl Simulation {
 
     /// Makes the inner lists anew, and the outer ones too where these are too old for that.
     pub(super) fn renew_lists(&mut self) {
+        self.neighborhood.fit_inner_skin();
         if self.neighborhood.outer_is_worn(&self.particles.spheres, &self.threads) {
             self.rebuild_neighborhood();
             return;
@@ -50,6 +52,7 @@ impl Simulation {
     /// lists that `held` was gathered from.
     fn make_lists(&mut self, held: &HeldMemory, origin: impl FnOnce(Vec<u32>) -> Vec<u32>) {
         self.wrap_periodic();
+        self.neighborhood.fit_inner_skin();
         let (cells, order) = self.neighborhood.storage_order(&self.particles.spheres, &self.threads);
         self.particles.reorder(&order, &self.threads);
         let old_index = origin(order);
@@ -102,7 +105,7 @@ impl Simulation {
     /// of the skin is used up or a particle may have gone round a periodic border, are collected.
     fn give_wall_candidates(&mut self, held: &[(Range<usize>, WallList)], old_index: &[u32]) {
         let ListSettings { skin, periodic, .. } = self.neighborhood.settings();
-        if periodic != [false; 3] || self.neighborhood.approached_walls > RENEW_SHARE * skin {
+        if periodic != [false; 3] || self.neighborhood.wear.towards_parts > RENEW_SHARE * skin {
             self.collect_wall_candidates();
             return;
         }
@@ -131,6 +134,6 @@ impl Simulation {
             chunk.walls = WallList::collect(spheres, walls, &chunk.range, skin);
             held.iter().for_each(|contact| chunk.walls.hold(walls, contact));
         });
-        self.neighborhood.approached_walls = 0.0;
+        self.neighborhood.wear.towards_parts = 0.0;
     }
 }

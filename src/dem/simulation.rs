@@ -319,7 +319,7 @@ impl Simulation {
         self.particles.spheres[index].centre = centre.into();
         self.booked.inserted += self.mechanical_energy_of(&self.particles.state(index)) - height;
         self.book_springs(&marked, springs);
-        self.neighborhood.note_motion(way.norm(), 0.0);
+        self.neighborhood.wear.note_motion(way.norm(), 0.0);
         self.watchdog.expect_new_energy();
         true
     }

@@ -78,7 +78,7 @@ impl Simulation {
         let moved = notes.iter().map(|note| note.farthest_squared).fold(0.0, f64::max).sqrt();
         self.has_leavers = notes.iter().any(|note| note.leaves);
         self.is_moderate = notes.iter().all(|note| note.is_moderate);
-        self.neighborhood.note_motion(moved, self.walls.speed_bound() * self.setup.timestep);
+        self.neighborhood.wear.note_motion(moved, self.walls.speed_bound() * self.setup.timestep);
         self.watchdog.note_displacement(moved);
         self.phases.integration += started.elapsed();
     }
@@ -117,7 +117,7 @@ impl Simulation {
         };
         let changes = self.sleep_changes;
         let (scene, walls, simd) = (&scene, &self.walls, self.setup.simd);
-        let approached = self.neighborhood.approached_walls;
+        let approached = self.neighborhood.wear.towards_parts;
         let ranges: Vec<_> = self.neighborhood.chunks.iter().map(|chunk| chunk.range.clone()).collect();
         let loads = split_at_ranges(loads, ranges.into_iter());
         let work: Vec<(&mut Chunk, &mut [Load])> = self.neighborhood.chunks.iter_mut().zip(loads).collect();
@@ -352,7 +352,7 @@ mod tests {
 
     /// Eight grains far from each other under gravity, but for two that meet.
     fn thin() -> Simulation {
-        let mut simulation = Simulation::new(Setup { gravity: Vec3::z() * -9.81, ..setup() });
+        let mut simulation = Simulation::new(Setup { gravity: Vec3::z() * -9.81, skin: 4e-3, ..setup() });
         let mut states: Vec<ParticleState> = (0..7).map(|k| grain(k, 0.1 * k as f64)).collect();
         states.push(ParticleState { velocity: Vec3::x() * -1.0, ..grain(7, 2.02e-3) });
         simulation.insert(&states);

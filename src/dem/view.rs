@@ -103,7 +103,7 @@ impl Simulation {
     /// At least all particles of the zone, in the order of storage; few others.
     pub fn views_near<'a>(&'a self, zone: &'a mut NearPlane) -> impl Iterator<Item = ParticleView> + 'a {
         let neighborhood = &self.neighborhood;
-        let moved = neighborhood.moved_since_outer();
+        let moved = neighborhood.wear.since_outer;
         if zone.generation != Some(neighborhood.generation()) || moved > zone.margin {
             // The skin: lists are made anew before anybody has moved that far. Only a jump can be wider.
             let margin = neighborhood.settings().skin.max(2.0 * moved);

@@ -91,6 +91,8 @@ pub struct PairMemory {
 pub struct InnerList {
     /// How many pairs.
     count: usize,
+    /// How many of them were apart when the list was made, those of sleepers left out.
+    pub(in crate::dem) apart: usize,
     /// The particle of each pair that the chunk owns; padded to whole blocks of lanes with the last one.
     pub owners: Vec<u32>,
     /// The other particle of each pair; padded likewise.

@@ -36,7 +36,9 @@ impl OuterList {
         worn: InnerList,
     ) -> InnerList {
         let mut inner = worn.emptied();
-        at_level(level, Sieve { outer: self, bodies, skin }).iter().for_each(|kept| kept.append_to(&mut inner.places));
+        let kept = at_level(level, Sieve { outer: self, bodies, skin });
+        kept.iter().for_each(|kept| kept.append_to(&mut inner.places));
+        inner.apart = kept[1].count;
         let InnerList { owners, partners, images, places, .. } = &mut inner;
         owners.extend(places.iter().map(|&place| self.owners[place as usize]));
         partners.extend(places.iter().map(|&place| self.partners[place as usize]));
