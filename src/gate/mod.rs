@@ -32,4 +32,4 @@ impl Cadence {
 /// Time steps between two looks at what must enter or leave a run at a gate. Each look may renew the neighbour lists, so
 /// it is not made at every step: a ghost enters up to so many steps before its path reaches the generation plane, and a
 /// particle is taken out up to so many steps after it has passed the exclusion plane.
-pub const HAND_OVER_STEPS: u64 = 16;
+pub const HAND_OVER_STEPS: u64 = 32;

@@ -196,9 +196,9 @@ fn before_the_first_crossing_only_the_newest_motions_are_kept() {
     follow(&mut watch, 0, &heights);
     let crossing = crossing_of(&mut watch, 1);
     // Every second step, the last one 40; ghosts enter at step 32 at the latest, so that all are there at the release.
-    assert_eq!((crossing.step, crossing.path_start, crossing.path.len()), (41, 40 - 2 * 9, 10));
+    assert_eq!((crossing.step, crossing.path_start, crossing.path.len()), (41, 40 - 2 * 17, 18));
     assert!(crossing.path_start <= 32);
-    assert_eq!(crossing.path[9].position.z, 0.02);
+    assert_eq!(crossing.path[17].position.z, 0.02);
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn a_handing_over_run_freezes_and_excludes_and_a_whole_run_only_looks() {
     let frozen: Vec<usize> = (0..40).filter(|&step| !looks[step].freeze.is_empty()).collect();
     let excluded: Vec<usize> = (0..40).filter(|&step| !looks[step].exclude.is_empty()).collect();
     assert_eq!(frozen, crossings(&looks));
-    // z = -0.2 is reached at step 25; the next multiple of 16 is 32.
+    // z = -0.2 is reached at step 25; the next multiple of 32 is 32.
     assert_eq!(excluded, [32]);
     let mut watch = recorder(&gate(), Role::HandOver);
     let looks = follow(&mut watch, 0, &heights[..33]);
@@ -232,8 +232,8 @@ fn one_that_returns_or_sits_has_the_chosen_fate() {
     let text = looks[2].error.as_ref().unwrap();
     assert!(text.contains("gate \"outlet\": particle 1 of feed 3 came back") && text.contains("0.015 s"), "{text}");
     let mut watch = recorder(&Gate { returning: Fate::Delete, ..gate() }, Role::HandOver);
-    let looks = follow(&mut watch, 13, &back);
-    // Step 16 is the hand-over.
+    let looks = follow(&mut watch, 29, &back);
+    // Step 32 is the hand-over.
     assert_eq!(looks[3].delete, [id(1)]);
     assert_eq!((watch.tally().deleted, watch.tally().still_in_run), (1, 0));
     let mut watch = recorder(&gate(), Role::HandOver);
@@ -246,7 +246,7 @@ fn one_that_returns_or_sits_has_the_chosen_fate() {
     assert_relative_eq!(watch.tally().returned_farthest_m, 5.0);
 
     let mut watch = recorder(&Gate { sitting: Fate::Delete, ..gate() }, Role::HandOver);
-    let looks = follow(&mut watch, 15, &[-0.05, -0.05, -0.05]);
+    let looks = follow(&mut watch, 31, &[-0.05, -0.05, -0.05]);
     assert_eq!((&looks[0].delete, &looks[1].delete), (&vec![], &vec![id(1)]));
     assert_eq!((watch.tally().sitting_at_start, watch.tally().deleted), (1, 1));
     let looks = follow(&mut recorder(&Gate { sitting: Fate::Error, ..gate() }, Role::HandOver), 0, &[-0.05]);
@@ -275,14 +275,14 @@ fn the_profile_tells_where_the_flow_is_free() {
     let mut watch = recorder(&gate(), Role::HandOver);
     let mut pressed = seen(2, vec3(0.0, 0.0, -0.03));
     pressed.motion.acceleration = GRAVITY * 0.5;
-    watch.look(16, [seen(1, vec3(0.0, 0.0, -0.03)), pressed, seen(3, vec3(0.0, 0.0, -0.19))].into_iter());
-    watch.look(17, [pressed].into_iter());
+    watch.look(32, [seen(1, vec3(0.0, 0.0, -0.03)), pressed, seen(3, vec3(0.0, 0.0, -0.19))].into_iter());
+    watch.look(33, [pressed].into_iter());
     let bins = watch.tally().free_flow;
     let found: Vec<(u64, f64)> = bins.iter().map(|bin| (bin.samples, bin.contact_share)).collect();
     assert_eq!(found, [(2, 0.5), (1, 0.0)]);
     let ballistic = Gate { exclusion: Exclusion { mode: ExclusionMode::Ballistic, length: 0.2 }, ..gate() };
     let mut watch = recorder(&ballistic, Role::HandOver);
-    watch.look(16, [pressed].into_iter());
+    watch.look(32, [pressed].into_iter());
     assert!(watch.tally().free_flow.is_empty(), "ghosts tell nothing about the flow");
 }
 
