@@ -11,9 +11,9 @@ const NARROWEST_SHARE: f64 = 1e-3;
 /// What it costs to look at a pair of the outer list when the inner one is made, where a pair that is apart costs 1 in every time step:
 /// of 1.3, 3 and 6, 3 was the fastest in a settled bed and in one of sizes 1:10, by 1 or 2 %.
 const LOOK_AT_PAIR: f64 = 3.0;
-/// Time steps between two looks whether the inner list is much wider than it should be.
+/// Time steps between two looks whether the inner list is much wider than it should be: enough for the mean way of a step.
 const LOOK: u64 = 16;
-/// How many times wider that is.
+/// How many times wider that is. At twice the skin that fits, pairs that are apart and looks together cost a quarter more.
 const MUCH_WIDER: f64 = 2.0;
 /// Share of a skin used up at which a list is renewed rather than measured again.
 pub(super) const RENEW_SHARE: f64 = 0.5;

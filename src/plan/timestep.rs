@@ -30,7 +30,8 @@ const STEPS_WITHOUT_LIMIT: f64 = 1000.0;
 /// free particles: of 0.75, 1 and 1.25 in a cloud that fills 2 % of its room, the latter two were equally fast.
 const DENSE_SKIN: f64 = 0.35;
 const DILUTE_SKIN: f64 = 1.0;
-/// Steps between two lists that the skin should allow at the expected speed, and its largest share of a diameter then.
+/// Steps between two lists that the skin should allow at the expected speed, and its largest share of a diameter then: a stream down a
+/// chute took 43, 42 and 40 s with 0.35, 0.5 and 0.6, a bed of sizes 1:10 was fastest at 0.6 and 0.7.
 const STEPS_PER_LIST: f64 = 60.0;
 const WIDEST_DENSE_SKIN: f64 = 0.6;
 
