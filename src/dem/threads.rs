@@ -16,6 +16,9 @@ use std::time::{Duration, Instant};
 const AWAKE: Duration = Duration::from_micros(500);
 /// Looks at the ticket between two looks at the clock, when others may have the processor.
 const LOOKS: u32 = 64;
+/// How long a thread without items of its own leaves the others theirs. In a thin cloud a round takes as long, and an item taken from another
+/// processor's cache longer than it is worth (`docs/decisions/threads-that-wait-awake.md`); who has not begun by then is held up.
+const PATIENCE: Duration = Duration::from_micros(50);
 /// Items that can be handed out one by one; of more, several go together.
 const SLOTS: usize = 256;
 
@@ -62,6 +65,13 @@ unsafe impl Sync for Desk {}
 // SAFETY: as above.
 unsafe impl Send for Desk {}
 
+/// Items of which part of a round.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Whose {
+    Own,
+    Anybodys,
+}
+
 /// A round's number, how many items it has, and how many of them are taken.
 #[derive(Clone, Copy)]
 struct Ticket {
@@ -83,13 +93,14 @@ impl Ticket {
         self.taken < self.count
     }
 
-    /// The items in the order in which thread `thread` of `threads` wants them: its own part, there or back, then those of the
-    /// others, from the end that they come to last.
-    fn wanted(self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
+    /// The items in the order in which thread `thread` of `threads` wants them: its own part, there or back, then, if `whose` says so,
+    /// those of the others, from the end that they come to last.
+    fn wanted(self, thread: usize, threads: usize, whose: Whose) -> impl Iterator<Item = usize> {
         let (count, back) = (usize::from(self.count), self.round % 2 == 1);
         let parts = threads.min(count);
+        let turns = if whose == Whose::Own { parts.min(1) } else { parts };
         let part = move |number: usize| number * count / parts..(number + 1) * count / parts;
-        (0..parts).flat_map(move |turn| {
+        (0..turns).flat_map(move |turn| {
             let (items, backwards) = (part((thread + turn) % parts), back != (turn > 0));
             let last = items.end + items.start;
             items.map(move |item| if backwards { last - 1 - item } else { item })
@@ -102,10 +113,10 @@ impl Desk {
         Ticket::of(self.ticket.load(Ordering::SeqCst))
     }
 
-    /// Takes an item of the present round for a thread. Whoever has one keeps the round from ending.
-    fn take(&self, thread: usize) -> Option<usize> {
+    /// Takes an item of a round for a thread. Whoever has one keeps the round from ending.
+    fn take(&self, round: u32, thread: usize, whose: Whose) -> Option<usize> {
         let ticket = self.ticket();
-        if !ticket.is_open() {
+        if !ticket.is_open() || ticket.round != round {
             return None;
         }
         let is_mine = |item: &usize| {
@@ -115,15 +126,24 @@ impl Desk {
             is_free
                 && self.taken[*item].compare_exchange(last, ticket.round, Ordering::SeqCst, Ordering::SeqCst).is_ok()
         };
-        let item = ticket.wanted(thread, self.asleep.len() + 1).find(is_mine)?;
+        let item = ticket.wanted(thread, self.asleep.len() + 1, whose).find(is_mine)?;
         // Still the same round: it lasts until this item is done.
         self.ticket.fetch_add(1, Ordering::SeqCst);
         Some(item)
     }
 
-    /// Works on items while there are any.
+    /// Works on items of the present round while there are any.
     fn serve(&self, thread: usize) {
-        while let Some(item) = self.take(thread) {
+        let round = self.ticket().round;
+        self.work_on(round, thread, Whose::Own);
+        let is_over = || !self.ticket().is_open() || self.ticket().round != round;
+        if !wait_awake(is_over, Some(PATIENCE)) {
+            self.work_on(round, thread, Whose::Anybodys);
+        }
+    }
+
+    fn work_on(&self, round: u32, thread: usize, whose: Whose) {
+        while let Some(item) = self.take(round, thread, whose) {
             // SAFETY: the round that the item is of lasts until it is done, and its work with it.
             let work = unsafe { (*self.work.get()).map(|work| &*work) };
             let outcome = catch_unwind(AssertUnwindSafe(|| work.iter().for_each(|work| work(item))));
@@ -315,14 +335,16 @@ mod tests {
     #[test]
     fn threads_go_over_their_own_parts_there_and_back() {
         let wanted = |round: u32, thread: usize| -> Vec<usize> {
-            Ticket { round, count: 4, taken: 0 }.wanted(thread, 2).collect()
+            Ticket { round, count: 4, taken: 0 }.wanted(thread, 2, Whose::Anybodys).collect()
         };
         assert_eq!(wanted(0, 0), [0, 1, 3, 2]);
         assert_eq!(wanted(0, 1), [2, 3, 1, 0]);
         assert_eq!(wanted(1, 0), [1, 0, 2, 3]);
         assert_eq!(wanted(1, 1), [3, 2, 0, 1]);
+        let own: Vec<usize> = Ticket { round: 1, count: 4, taken: 0 }.wanted(1, 2, Whose::Own).collect();
+        assert_eq!(own, [3, 2]);
         // More threads than items: one each.
-        let first = |thread: usize| Ticket { round: 0, count: 3, taken: 0 }.wanted(thread, 9).next();
+        let first = |thread: usize| Ticket { round: 0, count: 3, taken: 0 }.wanted(thread, 9, Whose::Own).next();
         assert_eq!([0, 1, 2, 5].map(first), [Some(0), Some(1), Some(2), Some(2)]);
     }
 
