@@ -17,7 +17,7 @@ const AWAKE: Duration = Duration::from_micros(500);
 /// Looks at the ticket between two looks at the clock, when others may have the processor.
 const LOOKS: u32 = 64;
 /// How long a thread without items of its own leaves the others theirs. In a thin cloud a round takes as long, and an item taken from another
-/// processor's cache longer than it is worth (`docs/decisions/threads-that-wait-awake.md`); who has not begun by then is held up.
+/// processor's cache longer than it is worth (`docs/decisions/threads-that-wait-awake.md`).
 const PATIENCE: Duration = Duration::from_micros(50);
 /// Items that can be handed out one by one; of more, several go together.
 const SLOTS: usize = 256;
@@ -135,14 +135,20 @@ impl Desk {
     /// Works on items of the present round while there are any.
     fn serve(&self, thread: usize) {
         let round = self.ticket().round;
-        self.work_on(round, thread, Whose::Own);
+        let own = self.work_on(round, thread, Whose::Own);
         let is_over = || !self.ticket().is_open() || self.ticket().round != round;
-        if !wait_awake(is_over, Some(PATIENCE)) {
-            self.work_on(round, thread, Whose::Anybodys);
+        // Whom nobody sees at work is held up. Awake all the time: who gives its processor away gets it back after milliseconds.
+        let others_work = usize::from(self.ticket().taken) > own;
+        let started = Instant::now();
+        while others_work && !is_over() && started.elapsed() < PATIENCE {
+            std::hint::spin_loop();
         }
+        self.work_on(round, thread, Whose::Anybodys);
     }
 
-    fn work_on(&self, round: u32, thread: usize, whose: Whose) {
+    /// Works on items of a round while there are any; how many.
+    fn work_on(&self, round: u32, thread: usize, whose: Whose) -> usize {
+        let mut count = 0;
         while let Some(item) = self.take(round, thread, whose) {
             // SAFETY: the round that the item is of lasts until it is done, and its work with it.
             let work = unsafe { (*self.work.get()).map(|work| &*work) };
@@ -151,7 +157,9 @@ impl Desk {
                 self.panic.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(said);
             }
             self.done.fetch_add(1, Ordering::SeqCst);
+            count += 1;
         }
+        count
     }
 
     /// Whether worker `number` has a part in a round of so many items: the caller takes one, each worker before it another.
