@@ -400,6 +400,26 @@ mod tests {
     }
 
     #[test]
+    fn what_a_thread_does_not_come_to_another_one_takes() {
+        let (threads, caller) = (Threads::new(2), thread::current().id());
+        let happens = |flag: &AtomicBool| wait_awake(|| flag.load(Ordering::SeqCst), Some(Duration::from_secs(20)));
+        for round in 0..20 {
+            let begun = AtomicBool::new(false);
+            let done: Vec<AtomicBool> = (0..4).map(|_| AtomicBool::new(false)).collect();
+            threads.map(4, |item| {
+                if thread::current().id() == caller {
+                    assert!(happens(&begun), "round {round}: the worker takes no part");
+                } else {
+                    // Held up in one item of its part until the other one is done, which then only the caller can do.
+                    begun.store(true, Ordering::SeqCst);
+                    assert!(happens(&done[[1, 0, 3, 2][item]]), "round {round}: nobody does the other item");
+                }
+                done[item].store(true, Ordering::SeqCst);
+            });
+        }
+    }
+
+    #[test]
     fn work_may_hand_out_work_and_callers_may_be_several() {
         let threads = Threads::new(2);
         let inner = |item: usize| threads.map(3, |other| item + other).into_iter().sum::<usize>();
