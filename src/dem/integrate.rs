@@ -262,7 +262,8 @@ impl<R: Lanes> Motion<R> {
         centre.write_to(sphere.row_mut());
         let mut square = [0.0; 4];
         (way * way).write_to(&mut square);
-        self.farthest_squared = self.farthest_squared.max(square[0] + square[1] + square[2]);
+        let square = square[0] + square[1] + square[2];
+        self.farthest_squared = if square > self.farthest_squared { square } else { self.farthest_squared };
         self.extent = [centre.smaller(self.extent[0]), centre.larger(self.extent[1])];
         centre
     }
