@@ -187,32 +187,34 @@ pub fn answer<L: Lanes, const FRICTION: bool, const ROLLING: bool, const ENERGY:
     Answer { force, twist, rolling, repulsion, lost }
 }
 
-/// The memory at the present full step: what is kept runs half a time step ahead in our convention.
+/// The memory at the present full step of contacts that have one: what is kept runs half a time step ahead in our convention.
+#[inline(always)]
 #[must_use]
-pub fn present_memory(
+pub fn present_memory<L: Lanes>(
     law: &LawSettings,
-    stiffness: &ContactStiffness,
-    touch: &Touch,
+    stiffness: &ContactStiffness<L>,
+    touch: &Touch<L>,
     timestep: f64,
-    kept: &Memory,
-) -> Springs {
-    let kept = Springs::from(kept);
+    kept: Springs<L>,
+) -> Springs<L> {
     if law.compatibility == Compatibility::Liggghts {
         return kept;
     }
     let (slip_velocity, _) = touch.split_velocity();
     let tangential = stiffness.tangential_stiffness;
-    let gain = if law.tangential == TangentialLaw::Total { 1.0 } else { tangential };
+    let gain = if law.tangential == TangentialLaw::Total { L::splat(1.0) } else { tangential };
     let roll = touch.relative_spin - touch.normal * touch.relative_spin.dot(&touch.normal);
+    let half = L::splat(0.5 * timestep);
     let rolling_gain = tangential * touch.effective_radius * touch.effective_radius;
     Springs {
-        tangential: kept.tangential - slip_velocity * (0.5 * timestep * gain),
-        rolling: kept.rolling - roll * (0.5 * timestep * rolling_gain),
+        tangential: kept.tangential - slip_velocity * (half * gain),
+        rolling: kept.rolling - roll * (half * rolling_gain),
     }
 }
 
 /// Elastic energy of a contact [J], `memory` as [`present_memory`] gives it.
+#[inline(always)]
 #[must_use]
-pub fn elastic_energy(law: &LawSettings, stiffness: &ContactStiffness, memory: &Springs) -> f64 {
+pub fn elastic_energy<L: Lanes>(law: &LawSettings, stiffness: &ContactStiffness<L>, memory: &Springs<L>) -> L {
     stiffness.elastic_energy + tangential_energy(law, stiffness.tangential_stiffness, &memory.tangential)
 }

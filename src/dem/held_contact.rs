@@ -165,10 +165,14 @@ impl Simulation {
             }
         }
         for chunk in self.neighborhood.chunks.iter().filter(concerned) {
-            let own = chunk.range.clone().filter(|&index| marked[index]);
-            self.for_each_wall_contact(&scene, own, &chunk.walls, &mut |index, partner, point, seen| {
-                visit(index, (partner, None), point, seen);
-            });
+            self.for_each_wall_contact(
+                &scene,
+                &chunk.walls,
+                |index| marked[index],
+                &mut |index, partner, point, seen| {
+                    visit(index, (partner, None), point, seen);
+                },
+            );
         }
     }
 

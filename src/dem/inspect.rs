@@ -124,6 +124,7 @@ impl Simulation {
             law: &self.law,
             only_material: self.neighborhood.only_material,
             images: &self.neighborhood.images,
+            remembers: self.terms.friction,
             timestep: self.setup.timestep,
             overlap_limit: self.setup.overlap_limit,
             inertia_factor: self.setup.body.inertia_factor(),
@@ -152,18 +153,19 @@ impl Simulation {
                     }
                 }
             }
-            self.for_each_wall_contact(&scene, chunk.range.clone(), &chunk.walls, &mut visit);
+            self.for_each_wall_contact(&scene, &chunk.walls, |_| true, &mut visit);
         }
     }
 
+    /// Calls `visit` for every contact with a part of the particles that a list names and `concerned` picks, by ascending storage index.
     pub(super) fn for_each_wall_contact(
         &self,
         scene: &ContactScene,
-        indices: impl Iterator<Item = usize>,
         held: &WallList,
+        concerned: impl Fn(usize) -> bool,
         visit: &mut impl FnMut(usize, Partner, Vec3, &SeenContact),
     ) {
-        for index in indices.filter(|&index| !scene.velocities[index].path.is_prescribed()) {
+        for index in held.particles(|index| concerned(index) && !scene.velocities[index].path.is_prescribed()) {
             look_at_walls(scene, &self.walls, index, held, |point, seen| {
                 visit(index, Partner::Part { part: point.part, element: point.element }, point.point, seen);
             });
@@ -246,7 +248,7 @@ impl Simulation {
     #[must_use]
     pub fn energy(&self) -> EnergyBudget {
         let mut budget = self.energy_without_springs();
-        self.for_each_contact(|_, _, _, seen| budget.elastic += seen.elastic_energy);
+        self.spring_energies().into_iter().flatten().for_each(|energy| budget.elastic += energy);
         budget
     }
 

@@ -23,6 +23,8 @@ pub struct ContactScene<'a> {
     pub only_material: Option<u32>,
     /// Periodic images.
     pub images: &'a Images,
+    /// Whether contacts have a memory.
+    pub remembers: bool,
     /// Time step [s]; 0 where the memory must not move.
     pub timestep: f64,
     /// Watchdog's limit of overlap over the smaller radius [-].

@@ -242,7 +242,10 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
 }
 
 #[inline(always)]
-fn read_springs<L: Lanes, const FRICTION: bool, const ROLLING: bool>(memory: &PairMemory, from: usize) -> Springs<L> {
+pub(super) fn read_springs<L: Lanes, const FRICTION: bool, const ROLLING: bool>(
+    memory: &PairMemory,
+    from: usize,
+) -> Springs<L> {
     let mut springs = Springs::none();
     if FRICTION || ROLLING {
         springs.tangential = LaneVector::read_from(&memory.tangential, from);
@@ -269,7 +272,7 @@ fn write_springs<L: Lanes, const FRICTION: bool, const ROLLING: bool>(
 
 /// Offsets of the images that the lanes' partners are [m].
 #[inline(always)]
-fn images<L: Lanes>(images: &Images, list: &InnerList, from: usize) -> LaneVector<L> {
+pub(super) fn images<L: Lanes>(images: &Images, list: &InnerList, from: usize) -> LaneVector<L> {
     let mut lists = [[0.0; MOST_LANES]; 3];
     for lane in 0..L::COUNT {
         let offset = images.offset(list.candidate(from + lane).image);
@@ -280,7 +283,7 @@ fn images<L: Lanes>(images: &Images, list: &InnerList, from: usize) -> LaneVecto
 
 /// Lanes of two prescribed particles: they do not act on each other.
 #[inline(always)]
-fn both_prescribed<L: Lanes>(scene: &ContactScene, block: &Block) -> L::Mask {
+pub(super) fn both_prescribed<L: Lanes>(scene: &ContactScene, block: &Block) -> L::Mask {
     let prescribed = |index: u32| scene.velocities[index as usize].path.is_prescribed();
     let both = |lane: &usize| prescribed(block.own[*lane]) && prescribed(block.partner[*lane]);
     L::Mask::from_bits((0..L::COUNT).filter(both).fold(0, |bits, lane| bits | 1 << lane))
@@ -288,7 +291,7 @@ fn both_prescribed<L: Lanes>(scene: &ContactScene, block: &Block) -> L::Mask {
 
 /// Constants of the lanes' materials.
 #[inline(always)]
-fn pairs_of<L: Lanes>(scene: &ContactScene, block: &Block) -> PairConstants<L> {
+pub(super) fn pairs_of<L: Lanes>(scene: &ContactScene, block: &Block) -> PairConstants<L> {
     let material = |index: u32| scene.velocities[index as usize].material;
     scene.law.pairs(|lane| [material(block.own[lane]), material(block.partner[lane])])
 }

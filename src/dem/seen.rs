@@ -1,11 +1,12 @@
 //! Contacts as observers see them: looked at, not moved.
 
-use super::contact::{Touch, answer, elastic_energy, present_memory};
-use super::law::LawSettings;
+use super::contact::{Springs, Touch, answer, elastic_energy, present_memory};
+use super::law::ContactStiffness;
 use super::law::constants::PairConstants;
 use super::meeting::{Block, ContactScene};
 use super::neighbor::list::{Candidate, Memory, effective_mass, effective_radius};
 use crate::math::Vec3;
+use crate::math::lanes::Lanes;
 
 /// A contact as an observer sees it, at the present full step.
 #[derive(Debug, Clone, Copy)]
@@ -50,21 +51,31 @@ pub fn look(scene: &ContactScene, index: usize, candidate: Candidate, kept: Opti
     let touch = scene.touch::<f64, true>(&block, &near, &depth, [radius, mass]);
     let pair = scene.law.pair(a.material, b.material);
     let kept = kept.copied().unwrap_or(Memory::NONE);
-    Some(seen(&scene.law.settings, pair, &touch, depth.levers[0], scene.timestep, &kept))
+    Some(seen(scene, pair, &touch, depth.levers[0], &kept))
+}
+
+/// The springs of contacts at the present full step. Where contacts have no memory, nothing is in them.
+#[inline(always)]
+#[must_use]
+pub fn present_springs<L: Lanes>(
+    scene: &ContactScene,
+    stiffness: &ContactStiffness<L>,
+    touch: &Touch<L>,
+    kept: Springs<L>,
+) -> Springs<L> {
+    if scene.remembers {
+        present_memory(&scene.law.settings, stiffness, touch, scene.timestep, kept)
+    } else {
+        Springs::none()
+    }
 }
 
 /// A contact of known relative motion, seen without moving its memory.
 #[must_use]
-pub fn seen(
-    settings: &LawSettings,
-    pair: &PairConstants,
-    touch: &Touch,
-    lever: f64,
-    timestep: f64,
-    kept: &Memory,
-) -> SeenContact {
+pub fn seen(scene: &ContactScene, pair: &PairConstants, touch: &Touch, lever: f64, kept: &Memory) -> SeenContact {
+    let settings = &scene.law.settings;
     let stiffness = settings.stiffness(pair, &touch.normal_contact());
-    let before = present_memory(settings, &stiffness, touch, timestep, kept);
+    let before = present_springs(scene, &stiffness, touch, kept.into());
     let mut memory = before;
     let answer = answer::<f64, true, true, false>(settings, pair, &stiffness, touch, 0.0, &mut memory);
     SeenContact {

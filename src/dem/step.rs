@@ -110,6 +110,7 @@ impl Simulation {
             law: &self.law,
             only_material: self.neighborhood.only_material,
             images: &self.neighborhood.images,
+            remembers: terms.friction,
             timestep,
             overlap_limit: self.setup.overlap_limit,
             inertia_factor: self.setup.body.inertia_factor(),

@@ -382,6 +382,6 @@ pub fn look_at_walls(
         let velocity = unsafe { f64::gather_eight(scene.velocities.as_ptr().cast(), &[index as u32]) };
         let (touch, lever) = place.touch::<true>(scene, &velocity, &place.surface_motion(walls, point.part));
         let pair = scene.law.pair(scene.velocities[index].material, u32::from(walls.material(point.part)));
-        visit(point, &seen(&scene.law.settings, pair, &touch, lever, scene.timestep, &kept));
+        visit(point, &seen(scene, pair, &touch, lever, &kept));
     }
 }

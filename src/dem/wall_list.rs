@@ -153,6 +153,15 @@ impl WallList {
         self.parts.iter().flat_map(PartList::rows)
     }
 
+    /// Those near a part whom `concerned` picks, by storage index, ascending.
+    pub fn particles(&self, concerned: impl Fn(usize) -> bool) -> Vec<usize> {
+        let near = self.rows().map(|(particle, _)| particle);
+        let mut particles: Vec<usize> = near.filter(|&particle| concerned(particle)).collect();
+        particles.sort_unstable();
+        particles.dedup();
+        particles
+    }
+
     /// How many contacts there may be: with planes, all who are near.
     pub(super) fn count(&self) -> usize {
         self.parts.iter().map(|list| list.places.count).sum()

@@ -148,12 +148,11 @@ fn length_restored<L: Lanes>(lost: L, square: L) -> L {
 /// [`crate::dem::contact::present_memory`]; what [`tangential_force`] keeps runs half a time step ahead.
 #[inline(always)]
 #[must_use]
-pub fn tangential_energy(settings: &LawSettings, stiffness: f64, history: &LaneVector) -> f64 {
-    let square = history.norm_squared();
+pub fn tangential_energy<L: Lanes>(settings: &LawSettings, stiffness: L, history: &LaneVector<L>) -> L {
+    let (square, half, zero) = (history.norm_squared(), L::splat(0.5), L::zero());
     match settings.tangential {
-        TangentialLaw::Total => 0.5 * stiffness * square,
-        TangentialLaw::Incremental if stiffness > 0.0 => 0.5 * square / stiffness,
-        TangentialLaw::Incremental => 0.0,
+        TangentialLaw::Total => half * stiffness * square,
+        TangentialLaw::Incremental => L::select(stiffness.exceeds(zero), half * square / stiffness, zero),
     }
 }
 
