@@ -71,3 +71,81 @@ impl LaneWork for PairSprings<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::law::TangentialLaw;
+    use super::super::particles::Path;
+    use super::super::simulation::Setup;
+    use super::super::step::tests::{grain, setup};
+    use super::*;
+    use crate::geometry::motion::Motion;
+    use crate::geometry::part::{Part, Surface, Trigger};
+    use crate::material::PairContact;
+    use crate::math::lanes::SimdLevel;
+    use crate::math::{Bounds, Vec3, vec3};
+    use crate::particle::ParticleId;
+
+    /// Grains of two materials in each other's way over a periodic border and on a floor, in several chunks; some are ghosts.
+    fn heap(simd: SimdLevel, tangential: TangentialLaw, friction: bool) -> Simulation {
+        const SIDE: u64 = 10;
+        let pitch = 1.95e-3;
+        let width = pitch * SIDE as f64;
+        let mut setup = Setup { simd, threads: 2, periodic: [true, false, false], overlap_limit: 0.9, ..setup() };
+        setup.domain = Bounds { minimum: [0.0, -width, -width], maximum: [width, 2.0 * width, 2.0 * width] };
+        setup.law.tangential = tangential;
+        let wall = setup.materials.materials[0].clone();
+        setup.materials = crate::material::MaterialTable::new(vec![wall.clone(), wall]);
+        for (a, b, coefficient) in [(0, 0, 0.5), (0, 1, 0.7), (1, 1, 0.9)] {
+            let sliding_friction = if friction { 1.0 - coefficient } else { 0.0 };
+            let contact = PairContact::Restitution { coefficient };
+            let properties = crate::material::PairProperties { contact, sliding_friction, rolling_friction: 0.0 };
+            setup.materials.set_pair(a, b, properties);
+        }
+        setup.parts = vec![Part {
+            name: "floor".to_owned(),
+            material: 1,
+            surface: Surface::Plane { point: Vec3::zeros(), normal: Vec3::z() },
+            motion: Motion::default(),
+            appears: Trigger::Always,
+            disappears: Trigger::Never,
+        }];
+        let states: Vec<_> = (0..SIDE.pow(3))
+            .map(|k| {
+                let [i, j, l] = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE].map(|place| place as f64);
+                let mut state = grain(k, 0.0);
+                state.position = vec3(pitch * (i + 0.5), pitch * j, 0.5 * pitch + pitch * l);
+                // Somehow, but not alike.
+                state.velocity = vec3((7.0 * k as f64).sin(), (3.0 * k as f64).cos(), (5.0 * k as f64).sin()) * 0.2;
+                state.radius *= 0.97 + 0.03 * (11.0 * k as f64).sin();
+                state.material = u16::from(k % 3 == 0);
+                state
+            })
+            .collect();
+        let mut simulation = Simulation::new(setup);
+        simulation.insert(&states);
+        simulation
+            .prescribe(&states.iter().step_by(7).map(|state| state.id).collect::<Vec<ParticleId>>(), Path::Constant);
+        for _ in 0..20 {
+            simulation.step().expect("it is stable");
+        }
+        simulation
+    }
+
+    #[test]
+    fn they_are_those_of_the_contacts_one_by_one_on_every_instruction_set() {
+        for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
+            for tangential in [TangentialLaw::Total, TangentialLaw::Incremental] {
+                for friction in [true, false] {
+                    let heap = heap(level, tangential, friction);
+                    let mut expected = Vec::new();
+                    heap.for_each_contact(|_, _, _, seen| expected.push(seen.elastic_energy.to_bits()));
+                    let found: Vec<u64> = heap.spring_energies().into_iter().flatten().map(f64::to_bits).collect();
+                    assert!(heap.neighborhood.chunks.iter().all(|chunk| !chunk.cross.is_empty()), "several chunks");
+                    assert!(expected.len() > 1000, "only {} contacts", expected.len());
+                    assert_eq!(found, expected, "{} {tangential:?} {friction}", level.name());
+                }
+            }
+        }
+    }
+}

@@ -255,7 +255,7 @@ impl<const FRICTION: bool, const ROLLING: bool, const ENERGY: bool> LaneWork
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::ghost::PrescribedMotion;
     use super::super::law::{Compatibility, LawSettings, NormalLaw, RollingLaw, TangentialLaw};
     use super::super::particles::Path;
@@ -266,7 +266,7 @@ mod tests {
     use crate::math::lanes::SimdLevel;
     use crate::particle::{Body, ParticleId, ParticleState};
 
-    fn setup() -> Setup {
+    pub(in crate::dem) fn setup() -> Setup {
         let elasticity = Elasticity::Isotropic { youngs_modulus: 5e6, poissons_ratio: 0.3 };
         let grain = Material { name: "grain".to_owned(), density: Some(2500.0), elasticity: Some(elasticity) };
         let mut materials = MaterialTable::new(vec![grain]);
@@ -303,7 +303,7 @@ mod tests {
         }
     }
 
-    fn grain(serial: u64, x: f64) -> ParticleState {
+    pub(in crate::dem) fn grain(serial: u64, x: f64) -> ParticleState {
         let (position, still) = (Vec3::new(x, 0.0, 0.0), Vec3::zeros());
         ParticleState {
             id: ParticleId::new(9, serial),

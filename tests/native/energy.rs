@@ -6,6 +6,7 @@ use tollgate::dem::law::{LawSettings, RollingLaw, TangentialLaw};
 use tollgate::dem::simulation::Simulation;
 use tollgate::geometry::motion::MotionKind::Rotate;
 use tollgate::geometry::part::Surface;
+use tollgate::material::Elasticity;
 use tollgate::math::{Bounds, Vec3, vec3};
 
 const RADIUS: f64 = 0.005;
@@ -59,6 +60,26 @@ fn the_budget_of_an_emptying_hopper_closes() {
     assert!(simulation.removed().len() > 100, "it empties");
     assert!(end.wall_work != 0.0 && end.slip > 0.0 && end.dashpot > 0.0 && end.removed != 0.0, "{end:?}");
     assert!(share < 1e-3, "{share:e}");
+}
+
+#[test]
+fn without_friction_springs_hold_what_normal_forces_stored() {
+    let radius = RADIUS;
+    let mut simulation = with(empty(radius, HERTZ, pair(0.9, 0.0, 0.0)), &[]);
+    let overlap = 1e-5;
+    let other = vec3(2.0 * radius - overlap, 0.0, 0.0);
+    simulation.insert(&[grain(1, radius, Vec3::zeros(), Vec3::zeros()), grain(2, radius, other, vec3(0.0, 0.5, 0.0))]);
+    simulation.prepare();
+    // 8/15 E* sqrt(R*) d^(5/2), with E* = E / (2 (1 - nu^2)) and R* = r / 2
+    let setup = simulation.setup();
+    let Some(Elasticity::Isotropic { youngs_modulus, poissons_ratio }) = setup.materials.materials[0].elasticity else {
+        panic!("the grains are elastic")
+    };
+    let modulus = 0.5 * youngs_modulus / (1.0 - poissons_ratio * poissons_ratio);
+    let expected = 8.0 / 15.0 * modulus * (0.5 * radius).sqrt() * overlap.powf(2.5);
+    let elastic = simulation.energy().elastic;
+    // the overlap is a difference of lengths a thousand times longer: 1e-13 of it, 2.5 times that of the energy
+    assert!((elastic / expected - 1.0).abs() < 1e-12, "{elastic:e} {expected:e}");
 }
 
 #[test]

@@ -120,7 +120,9 @@ fn compare(law: LawSettings, case: Case) -> u64 {
     let (reference, contacts) = fallen(law, case, SimdLevel::Scalar);
     let record = reference.record();
     for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()).skip(1) {
-        let other = fallen(law, case, level).0.record();
+        let other = fallen(law, case, level).0;
+        assert_eq!(other.energy(), reference.energy(), "{}: {law:?} {case:?}", level.name());
+        let other = other.record();
         for ((name, column), (_, expected)) in other.reals.iter().zip(&record.reals) {
             let bits = |list: &[f64]| list.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
             assert!(bits(column) == bits(expected), "column {name} differs at {}: {law:?} {case:?}", level.name());

@@ -34,7 +34,7 @@ use std::time::Instant;
 /// Name of the backend in summaries.
 pub const NAME: &str = "native";
 /// Counts changes that may change a bit of a result: part of every key.
-pub const NUMERICS_VERSION: u32 = 4;
+pub const NUMERICS_VERSION: u32 = 5;
 
 /// Computes a stage from its start or its checkpoint to its end.
 ///
