@@ -5,7 +5,7 @@ use super::neighbor::cells::{CellLevels, Space};
 use super::neighbor::chunks::chunk_ranges;
 use super::neighbor::history::HeldMemory;
 use super::neighbor::list::{Images, InnerList, Memory, Remembered};
-use super::neighbor::prune::Bodies;
+use super::neighbor::prune::{Bodies, PruningScratch};
 use super::neighbor::search::{ChunkCandidates, find_candidates};
 use super::particles::{Particles, Sphere, Velocity};
 use super::sleep::ChunkRest;
@@ -39,8 +39,8 @@ pub struct Chunk {
     pub walls: WallList,
     /// Scratch lists.
     pub(super) scratch: Scratch,
-    /// Storage of an inner list that is not used any more.
-    worn: InnerList,
+    /// Storage of own and cross lists that are not used any more.
+    worn: [InnerList; 2],
     /// Who of its particles is touched.
     pub(super) touched: Touched,
     /// What its contacts took in this time step.
@@ -206,10 +206,12 @@ impl Neighborhood {
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, .. } = chunk;
-            for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
-                *inner = outer.pruned(simd, bodies, skin, remembered, std::mem::take(inner));
-                inner.recall_each(&recall);
-            }
+            PruningScratch::with(|scratch| {
+                for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
+                    *inner = outer.pruned(simd, bodies, skin, remembered, (std::mem::take(inner), &mut *scratch));
+                    inner.recall_each(&recall);
+                }
+            });
         });
         self.note_inner_reference(spheres, threads);
     }
@@ -221,17 +223,20 @@ impl Neighborhood {
         let bodies = Bodies { spheres, velocities, images: &self.images, asleep: &self.listed_asleep };
         threads.for_each(self.chunks.iter_mut().collect(), |chunk: &mut Chunk| {
             let Chunk { candidates, own, cross, worn, .. } = chunk;
-            for (outer, inner) in [(&candidates.own, own), (&candidates.cross, cross)] {
-                let mut next = outer.pruned(simd, bodies, skin, remembered, std::mem::take(worn));
-                next.take_over(inner, outer.len());
-                *worn = std::mem::replace(inner, next);
-            }
+            PruningScratch::with(|scratch| {
+                let [worn_own, worn_cross] = worn;
+                for (outer, inner, worn) in [(&candidates.own, own, worn_own), (&candidates.cross, cross, worn_cross)] {
+                    let mut next = outer.pruned(simd, bodies, skin, remembered, (std::mem::take(worn), &mut *scratch));
+                    next.take_over(inner, outer.len(), scratch);
+                    *worn = std::mem::replace(inner, next);
+                }
+            });
         });
         self.note_inner_reference(spheres, threads);
     }
 
     fn note_inner_reference(&mut self, spheres: &[Sphere], threads: &Threads) {
-        self.inner_reference = threads.collect(spheres.len(), |index| spheres[index].centre);
+        threads.collect_into(&mut self.inner_reference, spheres.len(), |index| spheres[index].centre);
         let looked_at = self.chunks.iter().map(|chunk| chunk.candidates.own.len() + chunk.candidates.cross.len()).sum();
         let apart = self.chunks.iter().map(|chunk| chunk.own.apart + chunk.cross.apart).sum();
         self.wear.note_inner(looked_at, apart);

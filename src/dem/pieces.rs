@@ -42,7 +42,18 @@ impl Threads {
     /// # Panics
     /// Where `entry` does.
     pub fn collect<T: Copy + Send>(&self, count: usize, entry: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        let mut list = Vec::with_capacity(count);
+        let mut list = Vec::new();
+        self.collect_into(&mut list, count, entry);
+        list
+    }
+
+    /// Puts the list that [`Threads::collect`] makes into the storage of another.
+    ///
+    /// # Panics
+    /// Where `entry` does.
+    pub fn collect_into<T: Copy + Send>(&self, list: &mut Vec<T>, count: usize, entry: impl Fn(usize) -> T + Sync) {
+        list.clear();
+        list.reserve_exact(count);
         let ranges = piece_ranges(count);
         let pieces = split_at_ranges(&mut list.spare_capacity_mut()[..count], ranges.iter().cloned());
         self.for_each(ranges.into_iter().zip(pieces).collect(), |(range, piece)| {
@@ -52,7 +63,6 @@ impl Threads {
         });
         // SAFETY: the pieces tile the first `count` places, and all of them were written to their ends: else this would have panicked.
         unsafe { list.set_len(count) };
-        list
     }
 
     /// What `found` says of every piece of `count` entries, in their order.

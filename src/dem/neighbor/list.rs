@@ -1,5 +1,6 @@
 //! The pruned pair list of one chunk that the contact kernel walks, with its memory.
 
+use super::prune::PruningScratch;
 use crate::dem::particles::Velocity;
 use crate::dem::resting::{RestingPairs, Run};
 use crate::math::Vec3;
@@ -183,17 +184,10 @@ impl InnerList {
         self.places.clear();
         self.images.clear();
         self.resting.forget();
-        self.components().for_each(Vec::clear);
         self
     }
 
-    fn components(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
-        let Self { effective_radii, effective_masses, memory, .. } = self;
-        let PairMemory { tangential, rolling } = memory;
-        [effective_radii, effective_masses].into_iter().chain(tangential).chain(rolling)
-    }
-
-    /// Fills what kernels read to whole blocks of lanes.
+    /// Makes what kernels read as long as whole blocks of lanes. Of constants and memories only the length is set.
     pub(super) fn pad(&mut self, remembered: Remembered) {
         self.count = self.partners.len();
         let length = self.count.next_multiple_of(MOST_LANES);
@@ -207,9 +201,7 @@ impl InnerList {
         }
         let PairMemory { tangential, rolling } = &mut self.memory;
         for (kept, lists) in [(remembered.tangential, tangential), (remembered.rolling, rolling)] {
-            if kept {
-                lists.iter_mut().for_each(|list| list.resize(length, 0.0));
-            }
+            lists.iter_mut().for_each(|list| list.resize(if kept { length } else { 0 }, 0.0));
         }
     }
 
@@ -251,30 +243,32 @@ impl InnerList {
         (0..self.count).map(|entry| (entry, self.owners[entry], self.candidate(entry)))
     }
 
-    /// Sets the memories that `recall(owner, partner)` knows; the list's own ones are blank.
+    /// Sets all memories: those that `recall(owner, partner)` does not know are blank.
     pub fn recall_each(&mut self, recall: impl Fn(u32, u32) -> Option<Memory>) {
         if self.memory.tangential[0].is_empty() {
             return;
         }
         for entry in 0..self.count {
-            if let Some(memory) = recall(self.owners[entry], self.partners[entry]) {
-                self.memory.set(entry, &memory);
-            }
+            let known = recall(self.owners[entry], self.partners[entry]);
+            self.memory.set(entry, &known.unwrap_or(Memory::NONE));
         }
     }
 
-    /// Takes over the memories of a list pruned from the same outer one, which has `places` pairs.
-    pub fn take_over(&mut self, held: &Self, places: usize) {
+    /// Sets all memories to those of a list pruned from the same outer one, which has `places` pairs; who was not in it has a blank one.
+    pub fn take_over(&mut self, held: &Self, places: usize, scratch: &mut PruningScratch) {
         if self.memory.tangential[0].is_empty() {
             return;
         }
-        let mut entry_at = vec![u32::MAX; places];
+        let PruningScratch { entry_at, entries, .. } = scratch;
+        entry_at.clear();
+        entry_at.resize(places, u32::MAX);
         (0..).zip(&held.places).for_each(|(entry, &place)| entry_at[place as usize] = entry);
-        let entries: Vec<u32> = self.places.iter().map(|&place| entry_at[place as usize]).collect();
+        entries.clear();
+        entries.extend(self.places.iter().map(|&place| entry_at[place as usize]));
         let PairMemory { tangential, rolling } = &held.memory;
         let components = self.memory.tangential.iter_mut().chain(&mut self.memory.rolling);
         for (component, held) in components.zip(tangential.iter().chain(rolling)) {
-            for (slot, &entry) in component.iter_mut().zip(&entries) {
+            for (slot, &entry) in component.iter_mut().zip(entries.iter()) {
                 *slot = held.get(entry as usize).copied().unwrap_or(0.0);
             }
         }

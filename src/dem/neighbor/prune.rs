@@ -4,6 +4,7 @@ use super::list::{Images, InnerList, Remembered, effective_mass, effective_radiu
 use super::outer::OuterList;
 use crate::dem::particles::{Sphere, Velocity};
 use crate::math::lanes::{LaneWork, Lanes, MOST_LANES, Mask, SimdLevel, at_level};
+use std::cell::RefCell;
 use std::ops::Range;
 
 /// What pruning reads of all particles.
@@ -23,9 +24,30 @@ pub struct Bodies<'a> {
 /// that lanes which the laws need not compute fill whole blocks.
 const SECTIONS: usize = 3;
 
+/// Lists needed only while an inner one is made. A thread keeps them for its next: lists of this size come from the system and go back to
+/// it, which takes as long as what is done with them.
+#[derive(Debug, Default)]
+pub struct PruningScratch {
+    kept: [Kept; SECTIONS],
+    /// Where each pair of the outer list stands in the inner one from which memories are taken.
+    pub(super) entry_at: Vec<u32>,
+    /// Where each pair of the new inner list stands in that one.
+    pub(super) entries: Vec<u32>,
+}
+
+impl PruningScratch {
+    /// `work` with what the present thread keeps.
+    pub fn with<R>(work: impl FnOnce(&mut Self) -> R) -> R {
+        thread_local! {
+            static KEPT: RefCell<PruningScratch> = RefCell::default();
+        }
+        KEPT.with_borrow_mut(work)
+    }
+}
+
 impl OuterList {
-    /// The pairs within `skin` [m] of contact, section by section, in each in the same order as here, with blank memories. `worn` lends
-    /// its storage.
+    /// The pairs within `skin` [m] of contact, section by section, in each in the same order as here. `worn` lends its storage; memories
+    /// are nobody's until [`InnerList::take_over`] or [`InnerList::recall_each`] sets them.
     #[must_use]
     pub fn pruned(
         &self,
@@ -33,10 +55,11 @@ impl OuterList {
         bodies: Bodies,
         skin: f64,
         remembered: Remembered,
-        worn: InnerList,
+        (worn, scratch): (InnerList, &mut PruningScratch),
     ) -> InnerList {
         let mut inner = worn.emptied();
-        let kept = at_level(level, Sieve { outer: self, bodies, skin });
+        let kept = &mut scratch.kept;
+        at_level(level, Sieve { outer: self, bodies, skin, kept });
         kept.iter().for_each(|kept| kept.append_to(&mut inner.places));
         inner.apart = kept[1].count;
         let InnerList { owners, partners, images, places, .. } = &mut inner;
@@ -53,15 +76,19 @@ impl OuterList {
 
 /// Places of pairs in an outer list. The list is longer than what it holds: it takes what may turn out not to count without a jump that
 /// no processor foresees.
+#[derive(Debug, Default)]
 struct Kept {
     places: Vec<u32>,
     count: usize,
 }
 
 impl Kept {
-    /// Room for so many.
-    fn new(length: usize) -> Self {
-        Self { places: vec![0; length], count: 0 }
+    /// Forgets what it holds, and takes up to `length` from now on.
+    fn make_room(&mut self, length: usize) {
+        self.count = 0;
+        if self.places.len() < length {
+            self.places.resize(length, 0);
+        }
     }
 
     /// Appends the places of the block from `from` on whose bit is set.
@@ -81,29 +108,31 @@ struct Sieve<'a> {
     outer: &'a OuterList,
     bodies: Bodies<'a>,
     skin: f64,
+    /// Takes the places of the pairs that are chosen, section by section.
+    kept: &'a mut [Kept; SECTIONS],
 }
 
 impl LaneWork for Sieve<'_> {
-    type Output = [Kept; SECTIONS];
+    type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self) -> Self::Output {
+    fn run<L: Lanes>(mut self) {
         let length = self.outer.len();
         let sleepers = if self.bodies.asleep.is_empty() { 0 } else { length };
-        let mut kept = [length, length, sleepers].map(Kept::new);
+        self.kept.iter_mut().zip([length, length, sleepers]).for_each(|(kept, length)| kept.make_room(length));
         let whole = length - length % L::COUNT;
-        (0..whole).step_by(L::COUNT).for_each(|from| self.sort::<L>(from, &mut kept));
-        (whole..length).for_each(|from| self.sort::<f64>(from, &mut kept));
-        kept
+        (0..whole).step_by(L::COUNT).for_each(|from| self.sort::<L>(from));
+        (whole..length).for_each(|from| self.sort::<f64>(from));
     }
 }
 
 impl Sieve<'_> {
     /// Sorts the block of pairs from `from` on.
     #[inline(always)]
-    fn sort<L: Lanes>(&self, from: usize, [in_contact, apart, at_rest]: &mut [Kept; SECTIONS]) {
+    fn sort<L: Lanes>(&mut self, from: usize) {
         let [within, touching] = self.meet::<L>(from);
         let asleep = if self.bodies.asleep.is_empty() { 0 } else { self.asleep(from..from + L::COUNT) & within };
+        let [in_contact, apart, at_rest] = &mut *self.kept;
         in_contact.append::<L>(from, within & touching & !asleep);
         apart.append::<L>(from, within & !touching & !asleep);
         if asleep != 0 {

@@ -84,6 +84,7 @@ fn lanes_choose_and_sort_as_one_pair_at_a_time_does() {
     let (spheres, velocities) = (spheres(&mut draw, 400), velocities(&mut draw, 400));
     let dozing: Vec<bool> = (0..400).map(|_| draw.below(3) > 0).collect();
     let mut worn: Vec<InnerList> = vec![InnerList::default(); SimdLevel::ALL.len()];
+    let mut scratch = PruningScratch::default();
     for count in (0..20).chain([997, 20_000]) {
         for (with_images, asleep) in [(false, &[][..]), (false, &dozing), (true, &[]), (true, &dozing)] {
             let outer = pairs(&mut draw, 400, count, with_images);
@@ -91,7 +92,7 @@ fn lanes_choose_and_sort_as_one_pair_at_a_time_does() {
             let expected = expected(&outer, &bodies);
             assert!(count < 997 || (expected.len() > count / 20 && expected.len() < count / 2), "{}", expected.len());
             for (level, worn) in SimdLevel::ALL.into_iter().zip(&mut worn).filter(|(level, _)| level.is_available()) {
-                let inner = outer.pruned(level, bodies, SKIN, remembered, std::mem::take(worn));
+                let inner = outer.pruned(level, bodies, SKIN, remembered, (std::mem::take(worn), &mut scratch));
                 assert_eq!(inner.places, expected, "{count} pairs, {level:?}");
                 assert_eq!(inner.len(), expected.len());
                 for ((entry, owner, candidate), &place) in inner.pairs().zip(&expected) {
@@ -103,7 +104,7 @@ fn lanes_choose_and_sort_as_one_pair_at_a_time_does() {
                     assert_eq!(inner.effective_radii[entry], a * b / (a + b));
                     let [a, b] = pair.map(|index| velocities[index].inverse_mass);
                     assert_eq!(inner.effective_masses[entry], 1.0 / (a + b));
-                    assert_eq!(inner.memory.get(entry), Some(Memory::NONE));
+                    assert!(inner.memory.get(entry).is_some());
                 }
                 assert_eq!(inner.owners.len() % MOST_LANES, 0);
                 *worn = inner;
@@ -124,7 +125,8 @@ fn pairs_exactly_at_the_border_are_outside_of_it() {
     let outer = OuterList { owners: vec![0; 4], partners: vec![1, 2, 3, 4], images: Vec::new() };
     let remembered = Remembered { tangential: false, rolling: false };
     for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
-        let inner = outer.pruned(level, bodies, SKIN, remembered, InnerList::default());
+        let inner =
+            outer.pruned(level, bodies, SKIN, remembered, (InnerList::default(), &mut PruningScratch::default()));
         assert_eq!(inner.places, [3, 1, 2], "{level:?}");
         assert_eq!(inner.memory.get(0), None);
     }
@@ -137,19 +139,23 @@ fn memories_go_over_to_the_next_list_wherever_their_pairs_stand_in_it() {
     let outer = pairs(&mut draw, 60, 3001, false);
     for rolling in [false, true] {
         let remembered = Remembered { tangential: true, rolling };
-        let pruned = |spheres| {
-            let bodies = Bodies { spheres, velocities: &velocities, images: &images, asleep: &[] };
-            outer.pruned(SimdLevel::best(), bodies, SKIN, remembered, InnerList::default())
-        };
         let memory = |place: u32| {
             let spring = |factor: f64| vec3(f64::from(place) + 1.0, -0.0, factor * f64::from(place));
             Memory { tangential: spring(2.0), rolling: if rolling { spring(3.0) } else { Vec3::zeros() } }
+        };
+        let (level, scratch) = (SimdLevel::best(), &mut PruningScratch::default());
+        let mut pruned = |spheres| {
+            let bodies = Bodies { spheres, velocities: &velocities, images: &images, asleep: &[] };
+            // Storage of a list that remembered other contacts.
+            let mut worn = outer.pruned(level, bodies, SKIN, remembered, (InnerList::default(), &mut *scratch));
+            (0..worn.len()).for_each(|entry| worn.memory.set(entry, &memory(7)));
+            outer.pruned(level, bodies, SKIN, remembered, (worn, &mut *scratch))
         };
         let (mut held, mut next) = (pruned(&before), pruned(&after));
         for entry in 0..held.len() {
             held.memory.set(entry, &memory(held.places[entry]));
         }
-        next.take_over(&held, outer.len());
+        next.take_over(&held, outer.len(), &mut PruningScratch::default());
         let mut both = 0;
         for (entry, &place) in next.places.iter().enumerate() {
             let known = held.places.contains(&place);
