@@ -263,6 +263,7 @@ impl<R: Lanes> Motion<R> {
         let mut square = [0.0; 4];
         (way * way).write_to(&mut square);
         let square = square[0] + square[1] + square[2];
+        // What is no number counts for nothing, as in `f64::max`, which looks for it in both and takes longer.
         self.farthest_squared = if square > self.farthest_squared { square } else { self.farthest_squared };
         self.extent = [centre.smaller(self.extent[0]), centre.larger(self.extent[1])];
         centre
