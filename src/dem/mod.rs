@@ -31,7 +31,7 @@ pub mod resting;
 pub mod seen;
 pub mod simulation;
 pub mod sleep;
-pub mod spring_energy;
+mod spring_energy;
 mod step;
 mod survey;
 pub mod tether;

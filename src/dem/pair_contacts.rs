@@ -150,7 +150,7 @@ impl<'a, L: Lanes, const BOTH: bool, const FRICTION: bool, const ROLLING: bool, 
     fn place(&self, list: &InnerList, from: usize, ended: &mut f64) -> Placed<L> {
         let block = Block::of::<L>(list, from);
         // The last block repeats its last pair in lanes that count for nothing.
-        let counted = L::Mask::from_bits(u16::MAX >> (MOST_LANES - (list.len() - from).min(L::COUNT)));
+        let counted = L::first(list.len() - from);
         let shift = list.has_images().then(|| images::<L>(self.scene.images, list, from));
         let near = self.scene.near::<L>(&block, shift);
         let overlaps = near.square.below(near.sum * near.sum) & counted;

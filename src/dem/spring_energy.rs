@@ -1,13 +1,13 @@
 //! What the springs of all contacts hold: looked at by all threads, several contacts at once.
 
-use super::contact::elastic_energy;
+use super::contact::{Springs, elastic_energy};
 use super::law::constants::PairConstants;
 use super::meeting::{Block, ContactScene};
 use super::neighbor::list::InnerList;
 use super::pair_contacts::{both_prescribed, images, pairs_of, read_springs};
 use super::seen::present_springs;
 use super::simulation::Simulation;
-use crate::math::lanes::{LaneWork, Lanes, MOST_LANES, Mask, at_level};
+use crate::math::lanes::{LaneWork, Lanes, Mask, at_level};
 
 impl Simulation {
     /// Elastic energies of all contacts [J], chunk by chunk in the order of [`Simulation::for_each_contact`], and the same bits.
@@ -47,8 +47,8 @@ impl LaneWork for PairSprings<'_> {
         for from in (0..list.len()).step_by(L::COUNT) {
             let block = Block::of::<L>(list, from);
             let near = scene.near::<L>(&block, list.has_images().then(|| images::<L>(scene.images, list, from)));
-            let counted = L::Mask::from_bits(u16::MAX >> (MOST_LANES - (list.len() - from).min(L::COUNT)));
-            let touches = near.square.below(near.sum * near.sum) & counted & !both_prescribed::<L>(scene, &block);
+            let overlaps = near.square.below(near.sum * near.sum) & L::first(list.len() - from);
+            let touches = overlaps & !both_prescribed::<L>(scene, &block);
             if !touches.any() {
                 continue;
             }
@@ -58,11 +58,8 @@ impl LaneWork for PairSprings<'_> {
             let touch = scene.touch::<L, true>(&block, &near, &depth, effective);
             let pair = single.unwrap_or_else(|| pairs_of(scene, &block));
             let stiffness = scene.law.settings.stiffness(&pair, &touch.normal_contact());
-            let kept = if scene.remembers {
-                read_springs::<L, true, false>(&list.memory, from)
-            } else {
-                read_springs::<L, false, false>(&list.memory, from)
-            };
+            let kept =
+                if scene.remembers { read_springs::<L, true, false>(&list.memory, from) } else { Springs::none() };
             let springs = present_springs(scene, &stiffness, &touch, kept);
             let energy = elastic_energy(&scene.law.settings, &stiffness, &springs).to_array();
             let mine =
@@ -86,11 +83,14 @@ mod tests {
     use crate::math::{Bounds, Vec3, vec3};
     use crate::particle::ParticleId;
 
-    /// Grains of two materials in each other's way over a periodic border and on a floor, in several chunks; some are ghosts.
-    fn heap(simd: SimdLevel, tangential: TangentialLaw, friction: bool) -> Simulation {
-        const SIDE: u64 = 10;
-        let pitch = 1.95e-3;
-        let width = pitch * SIDE as f64;
+    /// Grains along an edge of the heap.
+    const SIDE: u64 = 10;
+    /// Distance of their centres [m]: they overlap.
+    const PITCH: f64 = 1.95e-3;
+
+    /// A floor under a box that is periodic along x, and two materials.
+    fn box_of(simd: SimdLevel, tangential: TangentialLaw, friction: bool) -> Setup {
+        let width = PITCH * SIDE as f64;
         let mut setup = Setup { simd, threads: 2, periodic: [true, false, false], overlap_limit: 0.9, ..setup() };
         setup.domain = Bounds { minimum: [0.0, -width, -width], maximum: [width, 2.0 * width, 2.0 * width] };
         setup.law.tangential = tangential;
@@ -110,11 +110,16 @@ mod tests {
             appears: Trigger::Always,
             disappears: Trigger::Never,
         }];
+        setup
+    }
+
+    /// Grains of both materials in each other's way over the periodic border and on the floor, in several chunks; some are ghosts.
+    fn heap(setup: Setup) -> Simulation {
         let states: Vec<_> = (0..SIDE.pow(3))
             .map(|k| {
                 let [i, j, l] = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE].map(|place| place as f64);
                 let mut state = grain(k, 0.0);
-                state.position = vec3(pitch * (i + 0.5), pitch * j, 0.5 * pitch + pitch * l);
+                state.position = vec3(i + 0.5, j, l + 0.5) * PITCH;
                 // Somehow, but not alike.
                 state.velocity = vec3((7.0 * k as f64).sin(), (3.0 * k as f64).cos(), (5.0 * k as f64).sin()) * 0.2;
                 state.radius *= 0.97 + 0.03 * (11.0 * k as f64).sin();
@@ -137,7 +142,7 @@ mod tests {
         for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
             for tangential in [TangentialLaw::Total, TangentialLaw::Incremental] {
                 for friction in [true, false] {
-                    let heap = heap(level, tangential, friction);
+                    let heap = heap(box_of(level, tangential, friction));
                     let mut expected = Vec::new();
                     heap.for_each_contact(|_, _, _, seen| expected.push(seen.elastic_energy.to_bits()));
                     let found: Vec<u64> = heap.spring_energies().into_iter().flatten().map(f64::to_bits).collect();

@@ -238,7 +238,7 @@ impl WallKernel<'_> {
         let [x, y, z, radius] = unsafe { L::gather_four(scene.spheres.as_ptr().cast(), particles) };
         let centre = LaneVector::new(x, y, z);
         // The last block repeats its last particle in lanes that count for nothing.
-        let counted = L::Mask::from_bits(u16::MAX >> (MOST_LANES - (places.count - from).min(L::COUNT)));
+        let counted = L::first(places.count - from);
         let Some(plane) = plane else {
             let normal = LaneVector::read_from(&places.normals, from);
             return (Place { centre, radius, normal, overlap: L::from_slice(&places.overlaps[from..]) }, counted);

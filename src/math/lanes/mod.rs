@@ -47,6 +47,12 @@ pub trait Lanes:
 
     /// The same number in every lane.
     fn splat(value: f64) -> Self;
+    /// The first `count` lanes, at least one; all where there are no more.
+    #[inline(always)]
+    #[must_use]
+    fn first(count: usize) -> Self::Mask {
+        Self::Mask::from_bits(u16::MAX >> (MOST_LANES - count.min(Self::COUNT)))
+    }
     /// The first `COUNT` numbers of a list.
     ///
     /// # Panics
